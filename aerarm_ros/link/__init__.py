@@ -1,4 +1,1 @@
-"""Connection between drone and ground, without ROS: encrypted datagrams, messages, windows.
-
-Bytes of topics and services become datagrams with a limited rate.
-"""
+"""Encrypted UDP connection between the drone and a ground computer; imports no ROS."""

@@ -1,10 +1,10 @@
-"""A connection over datagrams: messages without loss, newest values, a limited rate.
+"""Connection over datagrams that repeats lost messages and limits the data rate.
 
 Each message is repeated until the other end acknowledges it, independently of all others. A lost
 datagram therefore delays one message of one channel, not the connection. Each datagram repeats
 urgent messages until they are acknowledged. A command has a lifetime, because a motion requested
-before a loss of connection must not begin after it. Values are sent once, the newest first, as far
-as the rate allows.
+before a loss of connection must not begin after it. A channel can also have a value, of which
+only the newest is sent, once and if the rate permits.
 
 The connection has no sockets and no clock: its owner passes datagrams and times.
 """
@@ -22,40 +22,44 @@ from typing import NamedTuple
 from aerarm_ros.link.sealed import OVERHEAD, Session
 
 DATAGRAM_MAX = 1200
-"""Bytes of a datagram: below any usual MTU, with space for a tunnel's headers."""
+"""Largest size of a datagram [bytes], which a network forwards without fragmentation."""
 HEADERS = 42
-"""Bytes of the headers of Ethernet, IPv4 and UDP, which count in the rate."""
+"""Size of a datagram's Ethernet, IPv4 and UDP headers [bytes], which the rate limit includes."""
 SILENCE = 1.0
-"""[s] without a datagram, after which the connection counts as lost."""
+"""Time without a datagram [s] after which the connection counts as lost."""
 
 MESSAGE_MAX = 2 * 1024 * 1024
-"""Bytes of a message."""
+"""Largest size of a message [bytes]."""
 
 URGENT, PROMPT, BULK = range(3)
-"""Priorities of messages: in each datagram until acknowledged, soon, or if space is left."""
+"""Priorities of messages.
+
+Each datagram repeats `URGENT` messages until they are acknowledged. `PROMPT` messages precede
+values, and `BULK` messages use the remaining space of a datagram.
+"""
 
 _TIME, _CONFIRMED, _PART, _VALUE = range(4)
 _ENTRY = struct.Struct('<BH')  # kind, length
 _TIMES = struct.Struct('<qqqq')  # sent, monotonic; sent, system; last received: sent, received
-_CONFIRM = struct.Struct('<IQ')  # all below this number, and which of the following 64
+_CONFIRM = struct.Struct('<IQ')  # all parts below a number were received; bits of the next 64
 _PART_HEAD = struct.Struct('<IHIHHB')  # number, channel, message, part, parts, flags
 _CHANNEL = struct.Struct('<H')
-_SPAN = 64  # parts in transit
-_RESERVED = 16  # of those, for urgent ones
+_SPAN = 64  # most parts in transit
+_RESERVED = 16  # parts in transit that are reserved for urgent messages
 _PART_MAX = DATAGRAM_MAX - OVERHEAD - 2 * _ENTRY.size - _TIMES.size - _CONFIRM.size - 24
 _PACKED, _EXPIRES, _VOID, _LAST = 1, 2, 4, 8
-_LATE_MAX = 0.5  # [s]; a command that was in transit for so much longer than usual is rejected
+_LATE_MAX = 0.5  # [s] above the usual delay; a command that arrives later is rejected
 _DELAY_SPAN = 60.0  # [s] over which the fastest datagram gives the usual delay
 _URGENT_EVERY, _AGAIN_MIN = 0.018, 0.1  # [s]
 _CLOCK_SPAN = 10.0  # [s] over which the fastest exchange gives the clocks' offset
 _BACKLOG, _BACKLOG_BYTES = 2000, 2 * MESSAGE_MAX  # messages
 _HELD_MAX, _HELD_PART = 8 * MESSAGE_MAX, 100  # bytes of incomplete messages; overhead per part
 _TURNS = 4
-_FILL = 0.1  # [s] of the rate that may be saved up
+_FILL = 0.1  # [s]; unused rate of this time may be used later
 
 
 class Received(NamedTuple):
-    """A received message, or the value of a channel."""
+    """Message or value that was received on a channel."""
 
     channel: int
     payload: bytes
@@ -64,18 +68,18 @@ class Received(NamedTuple):
 
 @dataclass(eq=False)
 class SentMessage:
-    """A message in transit.
+    """Message in the queue for sending, and whether the other end has received it.
 
     Attributes
     ----------
     channel
-        Its channel, 0 to 65535; messages of a channel and priority arrive in order.
+        Channel, 0 to 65535. Messages with equal channel and priority arrive in order.
     priority
         `URGENT`, `PROMPT` or `BULK`.
     expires
         Time at which the message expires [s, monotonic].
     is_confirmed, is_expired
-        Whether it was acknowledged, or its lifetime ended first.
+        Whether the other end has acknowledged the message, or its lifetime ended first.
     """
 
     channel: int
@@ -89,7 +93,7 @@ class SentMessage:
     _parts: list[_Part] = field(default_factory=list)
 
     def void(self) -> None:
-        """Drop the content, because its lifetime is over or the backlog is full."""
+        """Drop the content of the message, because its lifetime is over or the backlog is full."""
         self.is_expired = True
         self.payload = b''
         for part in self._parts:
@@ -109,34 +113,34 @@ class _Part:
 
     @property
     def size(self) -> int:
-        """Bytes in a datagram."""
+        """Number of bytes that this part needs in a datagram."""
         return _ENTRY.size + _PART_HEAD.size + len(self.content)
 
     def packed(self) -> bytes:
-        """Return the part as bytes."""
+        """Encode this part of a message as bytes."""
         message = self.message
         head = self.number, message.channel, message._sequence, self.index, self.count, self.flags
         return _PART_HEAD.pack(*head) + self.content
 
 
 class Traffic:
-    """Bytes and datagrams since the start, headers included."""
+    """Counters of sent and received datagrams and bytes, including network headers."""
 
     def __init__(self) -> None:
         self.sent = self.received = self.sent_bytes = self.received_bytes = 0
 
 
 class Connection:
-    """One end of the connection.
+    """One end of the connection between drone and ground.
 
     Parameters
     ----------
     key
-        Shared key.
+        Key that both ends share.
     role, other_role
         Roles of this end and of the other end.
     rate
-        Mean rate of sending, headers included [byte/s].
+        Largest mean rate of sending, headers included [byte/s].
 
     Attributes
     ----------
@@ -157,7 +161,7 @@ class Connection:
         Number of messages that did not fit into the backlog, and of values that did not fit into a
         datagram.
     delay
-        By which the newest datagram was slower than the quickest of the last minute [s].
+        Delay of the newest datagram minus the shortest delay of the last minute [s].
     """
 
     def __init__(self, key: bytes, role: str, other_role: str, rate: float) -> None:
@@ -191,7 +195,7 @@ class Connection:
     def send(
         self, channel: int, payload: bytes, priority: int = PROMPT, expires: float = inf
     ) -> SentMessage:
-        """Queue a message and return it; one of more than `MESSAGE_MAX` bytes is dropped."""
+        """Queue a message and return it, or drop it if it has more than `MESSAGE_MAX` bytes."""
         message = SentMessage(channel, payload, priority, expires)
         if len(payload) > MESSAGE_MAX:
             message.is_expired = True
@@ -210,9 +214,9 @@ class Connection:
         return sum(part.size for waiting in self._waiting for part in waiting)
 
     def _drop_oldest(self) -> bool:
-        """Drop the oldest message that is least urgent; return whether there was one.
+        """Drop the oldest unsent message of the lowest priority; return whether one was dropped.
 
-        A message that was partly sent is not dropped, because the other end waits for its rest.
+        A partly sent message is not dropped, because the other end waits for its other parts.
         """
         for priority in (BULK, PROMPT):
             waiting = self._waiting[priority]
@@ -224,7 +228,7 @@ class Connection:
         return False
 
     def withdraw(self, message: SentMessage) -> None:
-        """Drop a message if no part of it was sent; a partly sent message is completed."""
+        """Drop a message, unless some of its parts were already sent."""
         if message in self._messages and message._sequence < 0:
             waiting = self._waiting[message.priority]
             self._waiting[message.priority] = deque(p for p in waiting if p.message is not message)
@@ -232,7 +236,7 @@ class Connection:
             del self._messages[message]
 
     def set_value(self, channel: int, payload: bytes) -> None:
-        """Replace the value of a channel; it is sent once, if it fits into a datagram."""
+        """Replace the unsent value of a channel, or drop a value too large for a datagram."""
         if len(payload) > _PART_MAX:
             self.dropped += 1
         else:
@@ -250,25 +254,28 @@ class Connection:
 
     @property
     def is_joined(self) -> bool:
-        """Whether the other end was found."""
+        """Whether the handshake with the other end was completed once."""
         return self._session.is_joined
 
     @property
     def answer(self) -> bytes | None:
-        """Datagram to send to the sender of the datagram that was received last, or None."""
+        """Reply to the sender of the datagram that was received last, or None."""
         return self._session.answer
 
     @property
     def rejected(self) -> int:
-        """Number of datagrams that the shared key does not authenticate."""
+        """Number of received datagrams that the shared key did not authenticate."""
         return self._session.rejected
 
     def is_up(self, now: float) -> bool:
-        """Return whether a datagram arrived within `SILENCE`."""
+        """Return whether a datagram was received during the last `SILENCE` seconds."""
         return now - self.last_received < SILENCE
 
     def datagram(self, now: float, now_ns: int, system_ns: int) -> bytes:
-        """Return the datagram to send at `now` [s]; `now_ns` is the same time [ns]."""
+        """Return the next datagram to send.
+
+        `now` [s] and `now_ns` [ns] are the same monotonic time, `system_ns` [ns] the system time.
+        """
         if now > self._filled:
             filled = self._tokens + (now - self._filled) * self._rate
             self._tokens, self._filled = min(filled, _FILL * self._rate), now
@@ -291,7 +298,7 @@ class Connection:
         return b''.join(body)
 
     def single(self, channel: int, payload: bytes, now_ns: int, system_ns: int) -> bytes:
-        """Return a datagram with one value and nothing else, outside the bounded rate.
+        """Return a datagram that contains one value only and does not count for the rate limit.
 
         Call this method only after the other end has joined.
         """
@@ -300,16 +307,16 @@ class Connection:
         return self._counted(self._session.seal(body))
 
     def _counted(self, datagram: bytes) -> bytes:
-        """Count a datagram to be sent, and return it."""
+        """Add a datagram to the traffic statistics, and return it."""
         self.traffic.sent += 1
         self.traffic.sent_bytes += len(datagram) + HEADERS
         return datagram
 
     def _contents(self, now: float, room: int) -> Iterator[tuple[int, bytes]]:
-        """Yield the parts that fit: urgent parts, prompt parts that are due, values, bulk.
+        """Yield the content of the next datagram: parts of messages by priority, and values.
 
-        In every fourth datagram bulk parts precede values. After a cut, the backlog of diagnostics
-        therefore does not delay the states, and many states do not delay the diagnostics.
+        In every fourth datagram, bulk parts precede values. After a loss of connection, the backlog
+        of diagnostics therefore does not delay the states, nor the states the diagnostics.
         """
         may_send = self.is_up(now) and self._tokens > 0.0
         self._turn = (self._turn + 1) % _TURNS
@@ -332,7 +339,7 @@ class Connection:
             yield from ((_PART, content) for content in self._parts_due(BULK, now, room))
 
     def _parts_due(self, priority: int, now: float, room: int) -> Iterator[bytes]:
-        """Yield parts that are due again, then new ones, as far as the datagram has space."""
+        """Yield those parts of messages with this priority that must be sent now and fit."""
         again = _AGAIN_MIN
         if self.round_trip == self.round_trip:
             again = max(again, 1.5 * self.round_trip + 0.06)
@@ -360,7 +367,7 @@ class Connection:
     # Receiving
 
     def receive(self, datagram: bytes, now: float, now_ns: int, system_ns: int) -> list[Received]:
-        """Process a datagram and return its contents in order; set `answer` and `is_newest`."""
+        """Process a received datagram: return its content in order, set `answer`, `is_newest`."""
         opened = self._session.open(datagram, now, self.is_up(now))
         self.is_newest = opened is not None and opened.is_newest
         if self.answer is not None:
@@ -391,10 +398,11 @@ class Connection:
         return came
 
     def _on_times(self, times: tuple[int, ...], now: float, now_ns: int, system_ns: int) -> bool:
-        """Process the times of clocks and delays; return whether the datagram was late."""
+        """Update round-trip time, clock offset and delay; return whether a datagram was late."""
         sent_ns, their_system_ns, our_ns, held_ns = times
         self._their_times = (sent_ns, now_ns)
-        # A longer delay may be permanent. A cut must not age the quickest trip before it.
+        # A longer delay may be permanent, so the least round trip grows with time, but not during
+        # a loss of connection.
         step, self._aged = min(now - self._aged, 0.1), now
         self._least_trip += step * _LATE_MAX / _DELAY_SPAN
         is_fresh = False
@@ -485,7 +493,7 @@ class Connection:
     # Messages
 
     def _begin_again(self) -> None:
-        """Restart the numbers at zero, because the other end restarted."""
+        """Reset all numbers and queue all messages again, because the other end restarted."""
         self._next = self._confirmed_below = 0
         self._received_numbers = (0, 0)
         self._incoming.clear()
@@ -505,7 +513,7 @@ class Connection:
             self._cut(message)
 
     def _cut(self, message: SentMessage) -> None:
-        """Split a message into parts."""
+        """Compress a message, split it into parts, and queue the parts."""
         size = len(message.payload)
         packed = zlib.compress(message.payload, 6 if size < 2**16 else 1) if size > 200 else b''
         is_packed = bool(packed) and len(packed) < size
@@ -520,7 +528,7 @@ class Connection:
         self._waiting[message.priority].extend(message._parts)
 
     def _expire(self, now: float) -> None:
-        """Empty the parts of expired messages; the messages' numbers must still arrive."""
+        """Drop the content of expired messages, of which only the numbers are still sent."""
         for message in self._messages:
             if message.expires < now and not message.is_expired:
                 message.void()
@@ -540,7 +548,7 @@ def _entries(body: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _joined(parts: dict[int, tuple[int, bytes]]) -> bytes | None:
-    """Return the content of a message, None if it was dropped or is malformed."""
+    """Return the content of a message from its parts, None if it was dropped or is malformed."""
     if any(flags & _VOID for flags, _ in parts.values()):
         return None
     payload = b''.join(parts[index][1] for index in sorted(parts))

@@ -1,9 +1,9 @@
-"""Fetch of the drone's files, block by block, over a radio link with losses and interruptions.
+"""Transfer of files from the drone to the ground, in blocks, over an unreliable radio link.
 
 The ground requests numbered blocks, and repeats the request for blocks that do not arrive. The
-drone only answers requests. After a cut or a restart of either end, the ground keeps the stored
-blocks and requests the next ones. The ground asks less while datagrams are delayed, so that
-commands and states do not wait behind a bag in the radio's queue.
+drone only answers requests. After an interruption or a restart of either end, the ground keeps the
+stored blocks and requests the next ones. It requests fewer blocks while datagrams are delayed, so
+that commands and states do not wait in the radio's queue.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from pathlib import Path
 from typing import BinaryIO
 
 BLOCK = 1024
-"""Bytes of a block."""
+"""Size of a block [bytes]."""
 ASKED_MAX = 32
-"""Blocks per request."""
+"""Largest number of blocks per request."""
 _MARKER = '.fetch'  # file with the manifest of an incomplete bag
 PARTIAL = '.part'
-"""Suffix of a file that is not complete."""
+"""Suffix of an incomplete file."""
 
 _HEAD = struct.Struct('<HHI')  # manifest, file, block
-_QUESTION = struct.Struct('<HB')  # manifest, questions
+_QUESTION = struct.Struct('<HB')  # manifest, number of blocks
 _PLACE = struct.Struct('<HI')  # file, block
 _AHEAD = 1_000_000  # bytes that the disk reads at once
-_SPAN = 512  # blocks under way
-_AGAIN = 0.25  # [s] beyond the round trip, after which a block is asked for again
+_SPAN = 512  # most blocks in transit
+_AGAIN = 0.25  # [s] beyond the round trip, after which a block is requested again
 _FILES_MAX, _SIZE_MAX = 1 << 16, BLOCK << 32  # limits of file and block numbers
 _DELAY_MAX = 0.05  # [s] of a queue in the radio
 _CALM = 0.2  # [s] between two reductions
@@ -39,26 +39,29 @@ _NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
 
 
 def is_name(text: str) -> bool:
-    """Return whether a text is a valid name of a bag or file: no path, no hidden file."""
+    """Return whether a text is a permitted name of a bag or file: no path, no hidden file."""
     return _NAME.fullmatch(text) is not None
 
 
 def questions(content: bytes) -> tuple[int, list[bytes]]:
-    """Return the manifest's number and the requested block numbers; raises struct.error."""
+    """Decode a request for blocks: number of the manifest, and packed numbers of each block.
+
+    Raises struct.error if the request is truncated.
+    """
     number, count = _QUESTION.unpack_from(content)
     places = content[_QUESTION.size :][: count * _PLACE.size]
     return number, [places[k : k + _PLACE.size] for k in range(0, len(places), _PLACE.size)]
 
 
 class FileServer:
-    """Serves the blocks of the files of one folder.
+    """Read the requested blocks of the files in one folder.
 
     Parameters
     ----------
     folder
-        That holds the files.
+        Folder of the files.
     number
-        Of this manifest, 0 to 65535.
+        Number of this list of files (manifest), 0 to 65535.
 
     Attributes
     ----------
@@ -74,17 +77,17 @@ class FileServer:
         self._open: tuple[int, BinaryIO] | None = None
 
     def answer(self, place: bytes) -> bytes:
-        """Return the block at `place`, the packed numbers of its file and of the block.
+        """Return the answer with the block at `place`, which packs a file and a block number.
 
         Raises
         ------
         struct.error
             If `place` has another length.
         IndexError
-            If there is no such file.
+            If the file number is unknown.
         BlockingIOError
-            If the block is still on the disk, which now loads it: try again later. An e-stop must
-            not wait behind a busy disk.
+            If the block is not in the page cache. The system now loads it, so try again later. An
+            e-stop must not wait for a busy disk.
         OSError
             If the file cannot be read.
         """
@@ -97,21 +100,21 @@ class FileServer:
         return _HEAD.pack(self._number, file, block) + content
 
     def close(self) -> None:
-        """Close the file that was read last."""
+        """Close the file from which the last block was read."""
         if self._open is not None:
             self._open[1].close()
             self._open = None
 
 
 def _cached(file: int, size: int, offset: int) -> bytes:
-    """Return bytes of a file from the page cache; raises BlockingIOError for uncached bytes."""
+    """Read bytes of a file, or raise BlockingIOError if they are not in the page cache."""
     if not hasattr(os, 'RWF_NOWAIT'):  # not Linux
         return os.pread(file, size, offset)
     content = bytearray(size)
     try:
         count = os.preadv(file, [content], offset, os.RWF_NOWAIT)
         if count < size and offset + count < os.fstat(file).st_size:
-            raise BlockingIOError(errno.EAGAIN, 'the disk reads the rest of the block')
+            raise BlockingIOError(errno.EAGAIN, 'the rest of the block is not in the page cache')
     except BlockingIOError:
         os.posix_fadvise(file, offset, _AHEAD, os.POSIX_FADV_WILLNEED)
         raise
@@ -123,21 +126,21 @@ def _cached(file: int, size: int, offset: int) -> bytes:
 
 
 class Fetch:
-    """Fetches the files of a manifest into a folder.
+    """Fetch the files of a manifest into a folder, in order and block by block.
 
     Parameters
     ----------
     folder
-        Where the files go; it may hold part of them.
+        Folder for the files, which may already contain some of them.
     number, manifest
-        As of the `FileServer`.
+        Number and manifest of the `FileServer`.
     rate
-        Blocks per second at most.
+        Largest number of blocks per second.
 
     Attributes
     ----------
     size, stored
-        Bytes in all, and of those that are stored.
+        Total and stored bytes of all files.
 
     Raises
     ------
@@ -160,7 +163,7 @@ class Fetch:
         self._came: deque[bool] = deque(maxlen=100)
         self._file = -1
         self._stream: BinaryIO | None = None
-        # A disk can take seconds to store a file, while the connection must go on.
+        # A disk can take seconds to store a file, and must not block the connection.
         self._worker = ThreadPoolExecutor(1)
         self._storing: Future[None] | None = None
         self._claim(folder)
@@ -173,20 +176,22 @@ class Fetch:
 
     @property
     def is_storing(self) -> bool:
-        """Whether the disk stores a file that has arrived; the next file waits for it."""
+        """Whether the disk is still storing a received file, for which the next file waits."""
         return self._storing is not None
 
     def question(self, now: float, delay: float, round_trip: float) -> bytes | None:
-        """Return the block request that is due at `now` [s], or None; raises OSError.
+        """Return the next block request, or None if no block must be requested now.
+
+        Raises OSError if a file cannot be stored.
 
         Parameters
         ----------
         now
             Monotonic time [s].
         delay
-            By which the newest datagram was slower than the quickest [s].
+            Delay of the newest datagram minus the shortest delay of the last minute [s].
         round_trip
-            Of the connection [s].
+            Round-trip time of the connection [s].
         """
         if self._storing is not None and self._storing.done():
             self._rename()
@@ -212,7 +217,10 @@ class Fetch:
         return head + b''.join(_PLACE.pack(self._file, block) for block in places)
 
     def take(self, answer: bytes) -> None:
-        """Store a block; raises OSError if the disk is full, struct.error."""
+        """Store a received block.
+
+        Raises OSError if the disk is full, and struct.error if the block is truncated.
+        """
         if self.is_complete or self._stream is None:
             return
         number, file, block = _HEAD.unpack_from(answer)
@@ -234,7 +242,7 @@ class Fetch:
             self._store()
 
     def close(self) -> None:
-        """Close the file that is being written."""
+        """Close the incomplete file."""
         self._worker.shutdown(wait=False)
         if self._stream is not None:
             self._stream.close()
@@ -253,7 +261,7 @@ class Fetch:
         self._credit = min(self._credit + elapsed * self._pace, 0.1 * self._pace + 1.0)
 
     def _claim(self, folder: Path) -> None:
-        """Mark the folder with the manifest, so that only this bag is continued in it."""
+        """Write the list of files into the folder, or raise ValueError if another bag is there."""
         self._marker = folder / _MARKER
         paths = {folder / name: size for name, size in self._files}
         if all(path.is_file() and path.stat().st_size == size for path, size in paths.items()):
@@ -295,7 +303,7 @@ class Fetch:
             return
 
     def _store(self) -> None:
-        """Write the received file to the disk in the worker thread."""
+        """Flush the received file to the disk in the worker thread."""
         assert self._stream is not None
         self._storing = self._worker.submit(_stored, self._stream)
         self._stream = None
@@ -317,12 +325,15 @@ def _stored(stream: BinaryIO) -> None:
 
 
 def _files_of(manifest: object) -> list[tuple[str, int]]:
-    """Return name and size [bytes] of each file of a received manifest; raises ValueError."""
+    """Return name and size [bytes] of each file, or raise ValueError for an invalid manifest."""
     try:
         files = [(str(name), int(size)) for name, size in manifest]  # type: ignore[attr-defined]
     except (TypeError, ValueError, OverflowError):
         files = []
     is_valid = all(is_name(name) and 0 <= size <= _SIZE_MAX for name, size in files)
     if not is_valid or not 0 < len(dict(files)) == len(files) <= _FILES_MAX:
-        raise ValueError(f'the drone offers no bag: {str(manifest)[:200]}')
+        raise ValueError(
+            f'the drone sent an invalid list of files, {str(manifest)[:200]}: install the same '
+            'version of aerarm_ros on both hosts'
+        )
     return files

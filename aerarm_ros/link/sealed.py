@@ -1,14 +1,14 @@
-"""Datagrams that are encrypted and authenticated with a shared key, and the handshake of two ends.
+"""Encryption and authentication of datagrams with a shared key, and the handshake of both ends.
 
 ChaCha20-Poly1305 (RFC 8439) of the library `cryptography` seals each datagram. The key of a session
 is derived from the shared key and a random number, the session number, so no counter is used twice
 with one key. There is no forward secrecy: anyone with the shared key can read recorded datagrams.
 
 The session number is also the challenge of the handshake. Each datagram contains the session number
-of its receiver. An end offers a new session number in its answer to a greeting, and accepts the
-other end once a datagram is addressed to this number. A recorded datagram therefore cannot open a
-connection, change an address or replace a live end. An end stores nothing about a greeting, so
-greetings cannot fill its memory.
+of its receiver. A greeting is a datagram to an unknown end. An end answers it with a new session
+number, and accepts the other end once a datagram is addressed to this number. A recorded datagram
+therefore cannot open a connection, change an address or replace a live end. An end stores only a
+limited number of greetings, so greetings cannot fill its memory.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
 
 KEY_SIZE = 32
-"""Bytes of the shared key."""
+"""Size of the shared key [bytes]."""
 SESSION_SIZE = 8
 NO_SESSION = bytes(SESSION_SIZE)
-"""Receiver's session number in a datagram to an end whose session number is unknown."""
+"""Value for the receiver's session number in a datagram if that number is unknown."""
 OVERHEAD = SESSION_SIZE + 8 + SESSION_SIZE + 16
-"""Bytes that sealing adds to a body."""
+"""Number of bytes that encryption adds to the content of a datagram."""
 
 _HEADER = struct.Struct(f'<{SESSION_SIZE}sQ')
 _CALLER = 'ground'  # role of the end that calls the other
 _COUNTER_MAX = 2**32  # datagrams, for years
 _WINDOW = 128  # datagrams that may overtake each other
-_OFFER = 5.0  # [s] in which a session number is offered; for as long again it may be accepted
-_ANSWER_EVERY, _ANSWERS = 0.02, 8  # [s]; in that time one answer per session, and so many in all
-_FIRST_ANSWERS = 64  # sessions of which the time of the first answer is known
+_OFFER = 5.0  # [s] for which an end offers a session number, and again accepts it
+_ANSWER_EVERY, _ANSWERS = 0.02, 8  # [s] for one answer per session, and for eight answers in all
+_FIRST_ANSWERS = 64  # sessions of which the time of the first answer is stored
 # [s] added to the duration of the handshake, while datagrams of former sessions can still arrive.
 # An answer to one of them would begin the next handshake.
 _SETTLING = 1.0
 
 
 def looks_sealed(datagram: bytes) -> bool:
-    """Return whether a datagram may be one of this protocol, from an end with another key."""
+    """Return whether a datagram can be one of this protocol, though sealed with another key."""
     if len(datagram) < OVERHEAD:
         return False
     _, counter = _HEADER.unpack_from(datagram)
@@ -54,11 +54,11 @@ def looks_sealed(datagram: bytes) -> bool:
 
 
 class KeyFileError(ValueError):
-    """The key file cannot be used; the message states the recovery hint."""
+    """The key file is missing or invalid; the message states what to do."""
 
 
 def make_key(path: Path) -> None:
-    """Write a new shared key that only its owner can read.
+    """Write a new shared key to a file that only its owner can read.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def make_key(path: Path) -> None:
 
 
 def read_key(path: Path) -> bytes:
-    """Return the shared key of a file.
+    """Read the shared key from a file.
 
     Raises
     ------
@@ -104,17 +104,16 @@ def read_key(path: Path) -> bytes:
 
 
 class Opened(NamedTuple):
-    """An authentic datagram of the connected end.
+    """Content of an authentic datagram from the connected end.
 
     Attributes
     ----------
     body
         Decrypted content.
     is_newest
-        Whether no later datagram of the session has arrived, so that its address is the current
-        one.
+        Whether no later datagram of the session has arrived. Its address is then the current one.
     has_joined
-        Whether the datagram completed a handshake: both ends begin again.
+        Whether the datagram completed a handshake, after which both ends reset the connection.
     """
 
     body: bytes
@@ -123,12 +122,12 @@ class Opened(NamedTuple):
 
 
 class Session:
-    """Connect this end with the other end, seal its datagrams and open the other end's.
+    """Connect this end with the other end; encrypt sent and decrypt received datagrams.
 
     Parameters
     ----------
     key
-        Shared key.
+        Key that both ends share.
     role, other_role
         Roles of both ends, which must differ. Because the roles differ, a datagram that is
         reflected to its sender is rejected.
@@ -136,9 +135,9 @@ class Session:
     Attributes
     ----------
     answer
-        Answer to the sender of the datagram that was opened last, None if there is none.
+        Reply to the sender of the datagram that was received last, or None.
     rejected
-        Number of datagrams that the shared key does not authenticate.
+        Number of received datagrams that the shared key did not authenticate.
     """
 
     def __init__(self, key: bytes, role: str, other_role: str) -> None:
@@ -158,23 +157,24 @@ class Session:
         return self._own is not None
 
     def greeting(self, now: float) -> bytes:
-        """Return a datagram to an unknown end at `now` [s]."""
+        """Return a datagram that requests a connection to the other end, at `now` [s]."""
         return self._offer(now).seal(NO_SESSION, b'')
 
     def seal(self, body: bytes) -> bytes:
-        """Return a datagram to the connected end."""
+        """Return a datagram to the connected end with the encrypted content `body`."""
         assert self._own is not None
         return self._own.seal(self._peer.session, body)
 
     def open(self, datagram: bytes, now: float, is_up: bool) -> Opened | None:
-        """Decrypt a datagram that arrived at `now` [s]; after a handshake, `answer` is the reply.
+        """Decrypt a datagram that arrived at `now` [s], and set `answer` if it was a greeting.
 
-        `is_up` tells whether the other end is present. While its drone is connected, a ground
-        answers only greetings that are addressed to its current session; a restarted drone sends
-        such a greeting. If the ground answered every greeting, an attacker could pass on the
-        drone's answer to a recorded greeting, and so restart the connection. The result is None
-        unless the datagram is authentic, addressed to the current session, and neither repeated
-        nor far behind others.
+        The result is None unless the datagram is authentic, addressed to the current session,
+        and neither repeated nor much older than others.
+
+        `is_up` means that the other end is connected. In that case a ground answers only greetings
+        that are addressed to its current session, as a restarted drone sends them. If the ground
+        answered every greeting, an attacker could pass on the drone's answer to a recorded
+        greeting, and so restart the connection.
         """
         self.answer = None
         if len(datagram) < OVERHEAD:
@@ -207,7 +207,7 @@ class Session:
         return None
 
     def _greeted(self, session: bytes, now: float) -> None:
-        """Answer a greeting (connection request), which may be a replayed one."""
+        """Answer a greeting, which may be a replayed one, at a limited rate."""
         answered = self._answered
         recent = {key: when for key, when in answered.items() if now - when < _ANSWER_EVERY}
         if session not in recent and len(recent) < _ANSWERS:
@@ -220,14 +220,14 @@ class Session:
         self._answered = recent
 
     def _offer(self, now: float) -> _Sealer:
-        """Return the offered session, or a new one if the offer is older than `_OFFER`."""
+        """Return the session that this end offers in answers to greetings, renewed every 5 s."""
         if now - self._offered_at > _OFFER:
             self._offered, self._offered_at = _Sealer(self._key, self._role), now
         return self._offered
 
 
 class _Sealer:
-    """A session of this end: its number, cipher and counter."""
+    """Session of this end, with its number, cipher and counter of sent datagrams."""
 
     def __init__(self, key: bytes, role: str) -> None:
         self.session = secrets.token_bytes(SESSION_SIZE)
@@ -241,7 +241,7 @@ class _Sealer:
 
 
 class _Peer:
-    """A session of the other end: its number, its cipher, and the received counters."""
+    """Session of the other end, with its number, cipher and counters of received datagrams."""
 
     def __init__(self, session: bytes, cipher: ChaCha20Poly1305 | None, newest: int) -> None:
         self.session, self.cipher = session, cipher

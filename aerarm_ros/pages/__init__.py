@@ -1,5 +1,5 @@
-"""Common layout of all HTML reports, each of which is one self-contained file.
+"""Elements and layout of all HTML reports.
 
-A page is composed of titles, texts, tables and figures of other packages. A page is light or dark
-as the reader's browser prefers, and states its origin (date, version, command) at the top.
+A report is one self-contained file. It has a light and a dark layout, between which the browser
+selects. At the top it states date, version and command line of its origin.
 """

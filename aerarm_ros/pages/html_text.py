@@ -1,4 +1,4 @@
-"""Elements of an HTML page, from the templates in `elements.html`."""
+"""Functions that return elements of an HTML report, such as tables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 Html = Markup
-"""Text that is already HTML and is not escaped again."""
+"""Type of text that is already HTML, so that templates do not escape it."""
 
 # Spaces as wide as a digit, and as a decimal point.
 _DIGIT, _POINT = '\N{FIGURE SPACE}', '\N{PUNCTUATION SPACE}'
@@ -30,7 +30,7 @@ _FOLDER = Path(__file__).parent
 
 @cache
 def macros(path: Path) -> Any:
-    """Return the macros of an HTML template; each returns `Html`, in which texts are escaped."""
+    """Return the macros of an HTML template. A macro returns `Html` and escapes its arguments."""
     # Imported here, because the import takes 0.1 s and most programs write no page.
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -49,34 +49,34 @@ def _elements() -> Any:
 
 
 def paragraph(text: object, kind: str = '') -> Html:
-    """Return an HTML paragraph."""
+    """Return a text as an HTML paragraph of the CSS class `kind`."""
     return Html(_elements().paragraph(text, kind))
 
 
 def section(title: str, *parts: str) -> Html:
-    """Return a section: an HTML heading with its content."""
+    """Return a section of an HTML report: a heading, followed by its content."""
     return Html(_elements().section(title, parts))
 
 
 def folded(title: str, *parts: str) -> Html:
-    """Return HTML parts that a click on their title opens."""
+    """Return a title and parts that are hidden until the reader clicks on the title."""
     return Html(_elements().folded(title, parts))
 
 
 def bullets(items: Iterable[object], kind: str = '') -> Html:
-    """Return an unordered HTML list."""
+    """Return an unordered HTML list of the CSS class `kind`."""
     return Html(_elements().bullets(items, kind))
 
 
 def markup(value: object) -> Html:
-    """Return a value as HTML: escaped unless it is `Html`."""
+    """Convert a value to HTML: escape its text unless its type is `Html`."""
     return Html(escape(value))
 
 
 def table(
     headings: Sequence[object], rows: Iterable[Sequence[object]], best: Sequence[int] = ()
 ) -> Html:
-    """Return an HTML table.
+    """Return an HTML table with one row of headings.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def table(
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return a number as text, with a dash for None and non-finite values."""
+    """Convert a number to text; None and non-finite values become a dash."""
     if value is None or not math.isfinite(value):
         return '–'
     return f'{value:.{digits}g}'
@@ -118,11 +118,11 @@ def page(title: str, head: str, body: Iterable[str], facts: Mapping[str, str] | 
     title
         Title of the page.
     head
-        HTML of the head, for example scripts.
+        HTML for the head element, for example scripts.
     body
-        Content; elements made by `section` appear in the table of contents.
+        Content. Headings of `section` appear in the table of contents.
     facts
-        Facts shown at the top of the page by name, for example date and command line.
+        Names and values to show at the top of the page, for example date and command line.
     """
     text = ''.join(body)
     titles = [Html(title) for title in _HEADING.findall(text)]
@@ -135,7 +135,7 @@ def page(title: str, head: str, body: Iterable[str], facts: Mapping[str, str] | 
 
 
 def _aligned(column: Sequence[object]) -> list[object]:
-    """Return a column's cells, with numbers padded so that their decimal points align."""
+    """Return the cells of a column, with numbers padded so that their decimal points align."""
     texts = [number(x) if x is None or isinstance(x, float) else None for x in column]
     tails = [len(x.partition('.')[2]) for x in texts if x and '.' in x and 'e' not in x]
     longest = max(tails, default=0)
@@ -170,7 +170,7 @@ _PACKAGE = 'aerarm_ros'
 
 
 def origin(arguments: Sequence[str] | None = None) -> dict[str, str]:
-    """Return date, version and command line of this run, or of given `arguments`."""
+    """Return date, version and command line of the program that writes a report."""
     program, *rest = sys.argv if arguments is None else arguments
     try:
         version = metadata.version(_PACKAGE)

@@ -20,7 +20,7 @@ const theme = () => {
     scene: {xaxis: side, yaxis: side, zaxis: side},
   }};
 };
-// Colours of the dark theme, by the colours that would be too dark on black.
+// Colours of the dark theme, as replacements for colours that would be too dark on black.
 const lighter = {
   '#0b4fa3': '#6fa8f0', '#0b62c4': '#6fa8f0', '#b3261e': '#f2746b', '#1c2430': '#e3e7ed',
   '#0b7a3b': '#5fcf8e', '#444b54': '#76808d', '#a9bdd6': '#5a7394', '#9467bd': '#b08ad6',
@@ -35,7 +35,7 @@ const colored = traces => !dark.matches ? traces : traces.map(trace => {
   return own;
 });
 // On a narrow screen, legends are above their plot, row names above their rows, and buttons above
-// their sliders. Touching a plot scrolls the page.
+// their sliders. A finger that moves over a plot scrolls the page.
 const fitted = (traces, asked) => {
   const layout = {...asked, template: theme(), uirevision: 'kept'};
   if (!narrow.matches) return layout;
@@ -96,4 +96,4 @@ const plotting = (async () => {
     setting.addEventListener('change', () => drawn.forEach(call => show(Plotly.react, call)));
 })();
 plotting.catch(() => document.body.prepend(
-  'The figures need a browser of 2023 or later: Chrome 80, Firefox 113, Safari 16.4.'));
+  'Update your browser to see the figures: they need Chrome 80, Firefox 113 or Safari 16.4.'));

@@ -1,4 +1,4 @@
-"""Plots of a page, drawn in the browser by an embedded plotting library."""
+"""Plots of an HTML report, which the browser draws with an embedded copy of plotly."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from aerarm_ros.pages.html_text import Html
 
 
 def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str, Any]) -> Html:
-    """Return an HTML division and the script that draws traces into it.
+    """Return an HTML element, and the script that draws a plot into it.
 
     Parameters
     ----------
     identifier : str
-        Identifier of the division; letters, digits and hyphens.
+        Identifier of the HTML element, with letters, digits and hyphens.
     traces, layout
-        Traces and layout in the plotting script's format.
+        Traces and layout as plotly.js expects them.
     """
     options = {'responsive': True, 'displaylogo': False}
     arguments = ', '.join(_script(value) for value in (identifier, traces, layout, options))
@@ -32,13 +32,13 @@ def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str,
 
 
 def plotly_figure(figure: Any) -> Html:
-    """Return a plotly figure as part of a page."""
+    """Convert a plotly figure to a part of an HTML report."""
     drawn = figure.to_html(full_html=False, include_plotlyjs=False)
     return Html(f'<div class="figure">{drawn}</div>\n')
 
 
 def plotting_script() -> Html:
-    """Return the plotting library as an inline script, so that a page opens offline.
+    """Return plotly.js as an inline script, so that a report needs no network.
 
     Raises
     ------
@@ -49,7 +49,8 @@ def plotting_script() -> Html:
     found = importlib.util.find_spec('plotly')
     if found is None or not found.submodule_search_locations:
         raise ValueError(
-            'plotly is not installed: install this package again, with its dependencies'
+            'the Python package plotly is not installed: install aerarm_ros again, with its '
+            'dependencies'
         )
     path = Path(found.submodule_search_locations[0]) / 'package_data' / 'plotly.min.js'
     packed = base64.b64encode(_compressed(path)).decode()
@@ -64,11 +65,11 @@ def _compressed(path: Path) -> bytes:
 
 
 def plain_text(text: str) -> str:
-    """Return a text escaped for the plotting script, which interprets some HTML tags."""
+    """Escape a text for plotly.js, which would interpret some HTML tags in it."""
     return text.replace('&', '&amp;').replace('<', '&lt;').replace('>', '&gt;')
 
 
 def _script(value: object) -> str:
-    """Return JSON that is safe inside a script element, for any strings in the value."""
+    """Convert a value to JSON without characters that could end an HTML script element."""
     text = json.dumps(value, separators=(',', ':'))
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')

@@ -1,23 +1,23 @@
 """Parts of the nodes that need ROS; equations are in the other packages.
 
-These modules turn topics, services, parameters and signals into calls of the ROS-free packages,
-and publish the results. The packages, in the order of their imports:
+These modules connect topics, services, parameters and signals with the packages that do not import
+ROS. The packages, in the order of their imports:
 
-- parameters: settings of the user
-- process: an executable's command line, start, signals and end
-- executors: threads for callbacks next to a loop
+- parameters: ROS parameters
+- process: command line, start, signals and end of an executable
+- executors: callbacks in a thread next to a loop
 - graph: publishers and subscribers of topics
-- diagnostics: messages for people
-- states: joint states and IMU samples
-- bridge: the node around the cycle of the boards
-- emulation: the bridge on emulated boards, in simulation time
-- requests: requests from one node to another
-- controllers: nodes that answer every state
-- playback: planned motions
-- recording: from topics to a bag
-- page: the arm in a browser
+- diagnostics: diagnostics of a node
+- states: subscriptions to joint states and IMU samples
+- bridge: node of the bridge
+- emulation: bridge with emulated boards, in simulation time
+- requests: clients of the bridge and of other nodes
+- controllers: nodes that answer every joint state
+- playback: nodes that play a precomputed motion
+- recording: recording of topics in a bag
+- page: web page of the arm
 - programs: runs of the identifier, the designer and the demo
-- library: the functions of `import aerarm_ros` for programs and notebooks
+- library: functions of `import aerarm_ros` for programs and notebooks
 
 Only this package and `aerarm_ros.nodes` import rclpy.
 """

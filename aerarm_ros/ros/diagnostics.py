@@ -1,4 +1,4 @@
-"""Diagnostics, notices and progress of a node."""
+"""Diagnostics of a node, and its log notices about missing inputs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rclpy.node import Node
 from aerarm_msgs_py import topics
 
 PERIOD = 1.0
-"""[s] Reporting period of a node without changes."""
+"""Period of the diagnostics of a node [s]."""
 
 
 def rejection(reason: str) -> str:
@@ -20,14 +20,14 @@ def rejection(reason: str) -> str:
 
 
 class DiagnosticsPublisher:
-    """Create and publish diagnostic statuses in a node's name.
+    """Create and publish the diagnostic statuses of a node.
 
     Parameters
     ----------
     node
         Owner of the publisher.
     arm
-        Name of the node's arm, '' if it is unknown.
+        Name of the arm to which the statuses refer, '' if unknown.
     now_ns
         Returns the time for the stamp [ns], None if unknown. If the time is unknown, or without
         this argument, the stamp is the time of the node's clock.
@@ -35,7 +35,7 @@ class DiagnosticsPublisher:
     Attributes
     ----------
     arm
-        Name of the arm; may be set later.
+        Name of the arm, which may be set later.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class DiagnosticsPublisher:
     def status(
         self, part: str, level: bytes, text: str, values: Mapping[str, object]
     ) -> DiagnosticStatus:
-        """Return the status of a part of the node; its hardware id is NAMESPACE/ARM."""
+        """Return a status of one part of the node, with NAMESPACE/ARM as the hardware id."""
         namespace = self._node.get_namespace().strip('/')
         return DiagnosticStatus(
             level=level,
@@ -75,18 +75,18 @@ class DiagnosticsPublisher:
         return Time(sec=seconds, nanosec=nanoseconds)
 
     def report(self, problem: str, values: Mapping[str, object], part: str = '') -> None:
-        """Publish one status, by default of the whole node: a warning if there is a problem."""
+        """Publish one status: a warning with the text `problem`, or OK if the text is empty."""
         level = DiagnosticStatus.WARN if problem else DiagnosticStatus.OK
         part = part or self._node.get_name()
         self.publish([self.status(part, level, problem or 'in order', values)])
 
 
-# [s] Shorter waits are not reported; longer ones are repeated with this period.
+# [s] after which a wait is reported, and between two reports of a wait.
 PATIENCE, REPETITION = 2.0, 5.0
 
 
 class WaitingNotice:
-    """Return a notice about a missing input from time to time.
+    """Generate a log notice about missing inputs after 2 s of waiting, then every 5 s.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class WaitingNotice:
         self._due = now + PATIENCE
 
     def update(self, missing: Sequence[str], now: float) -> str:
-        """Return the notice for the time `now` [s], or an empty text."""
+        """Return a notice that lists `missing`, or an empty text if none is needed at `now` [s]."""
         if not missing or now < self._due:
             return ''
         self._due = now + REPETITION

@@ -1,4 +1,4 @@
-"""Executors: a small executor for a background thread, timers and spinning."""
+"""Executor that spins a node in a background thread, and functions for spinning and timers."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from rclpy.waitable import NumberOfEntities, Waitable
 
 
 class WaitedEntity:
-    """A timer, subscription, guard condition, client or service in a wait set.
+    """Adapter for a timer, subscription, guard condition, client or service in a wait set.
 
     Parameters
     ----------
     kind
-        Name of its kind in rclpy's wait sets.
+        Name of the kind of entity in rclpy's wait sets.
     handle
-        Its handle, a context that keeps it from being destroyed.
+        Handle of the entity; as a context it prevents destruction of the entity.
     run
-        Takes the received data and calls the callback.
+        Reads the received data and calls the callback.
 
     Attributes
     ----------
@@ -59,16 +59,16 @@ class WaitedEntity:
         self._index = 0
 
     def add_to(self, wait_set: Any) -> None:
-        """Add the entity to an empty wait set."""
+        """Add the entity to a wait set."""
         self._index = getattr(wait_set, self._add)(self.handle)
 
     def is_ready(self, wait_set: Any) -> bool:
-        """Return whether the last wait found the entity ready."""
+        """Return whether the entity was ready at the end of the last wait."""
         return bool(wait_set.is_ready(self._kind, self._index))
 
 
 class WaitedWaitable:
-    """A waitable of rclpy, such as the events of a publisher; used like a `WaitedEntity`."""
+    """Adapter for a waitable of rclpy, such as the events of a publisher, in a wait set."""
 
     def __init__(self, waitable: Waitable) -> None:
         self.handle = waitable
@@ -77,7 +77,7 @@ class WaitedWaitable:
         self.is_ready = waitable.is_ready
 
     def run(self) -> None:
-        """Take the data and call the callback, which must not wait."""
+        """Read the data and call the callback, which must not wait."""
         coroutine = self.handle.execute(self.handle.take_data())
         try:
             coroutine.send(None)
@@ -85,12 +85,13 @@ class WaitedWaitable:
             return
         coroutine.close()
         raise RuntimeError(
-            f'a callback of {self.handle} awaits, which this executor does not support'
+            f'a callback of {self.handle} awaits, but this executor supports no coroutines: use a '
+            'plain function'
         )
 
 
 def waited_entities(node: Node) -> Iterator[WaitedEntity | WaitedWaitable]:
-    """Yield the entities of a node whose callback group permits a callback now."""
+    """Yield adapters for those entities of a node whose callback group permits a callback now."""
     for kind, entities, run in (
         ('timer', node.timers, _run_timer),
         ('subscription', node.subscriptions, _run_subscription),
@@ -130,7 +131,7 @@ def _run_client(client: Client) -> None:
     try:
         future = client.get_pending_request(header.request_id.sequence_number)
     except KeyError:
-        return  # no task waits for it any more
+        return  # no task waits for this response any more
     future.set_result(response)
 
 
@@ -151,13 +152,13 @@ _CALLS = {
 
 
 class LeanExecutor:
-    """Run one node's callbacks, with a wait set that is rebuilt only after changes.
+    """Executor for one node that takes less processor time than those of rclpy.
 
-    rclpy's executors build several wait sets for each callback. A parameter request in rclpy's
-    executor takes 0.5 to 1 ms of the interpreter's time, in this executor a third of that.
-    Callbacks run one after the other, in any group. Entities in a group that permits no callback,
-    such as those of a RawReader, are ignored. Callbacks must not be coroutines, but the function
-    of an action server may be one.
+    rclpy's executors build several wait sets for each callback. This executor builds a new wait set
+    only after changes. A parameter request takes 0.5 to 1 ms of the interpreter's time in rclpy's
+    executor, and a third of that in this executor. Callbacks run one after the other, in any group.
+    Entities in a group that permits no callback, such as those of a RawReader, are ignored.
+    Callbacks must not be coroutines, but the function of an action server may be one.
 
     Parameters
     ----------
@@ -185,7 +186,7 @@ class LeanExecutor:
 
     @staticmethod
     def available() -> bool:
-        """Return whether the installed rclpy has the required functions."""
+        """Return whether the installed rclpy has the private functions that this class needs."""
         return all(
             hasattr(getattr(rclpy_implementation, name, None), call)
             for name, calls in _CALLS.items()
@@ -195,22 +196,23 @@ class LeanExecutor:
     # Methods that a node calls on its executor.
 
     def add_node(self, node: Node) -> None:
-        """Do nothing: the constructor already set the only node."""
+        """Do nothing, because the constructor has set the only node."""
 
     def remove_node(self, node: Node) -> None:
-        """Note that the node has been removed."""
+        """Do nothing, because `shutdown` removes the only node."""
 
     def create_task(self, callback: Callable[..., Any], *args: Any) -> Task:
-        """Start a function or coroutine after the present callback; only a callback may call this.
+        """Start a function or coroutine after the present callback.
 
-        A coroutine continues after each wait, so a callback should provide its result.
+        Only a callback may call this method. A coroutine continues after each wait, so a callback
+        should provide its result.
         """
         task = Task(callback, args, executor=None)
         self._tasks.append(task)
         return task
 
     def wake(self) -> None:
-        """End a wait after a change of the entities or of other data."""
+        """End a wait, because the node's entities or other data have changed."""
         self._changed = True
         with suppress(InvalidHandle):  # after `shutdown`
             self._guards[0].trigger()
@@ -223,7 +225,7 @@ class LeanExecutor:
         Raises ExternalShutdownException if the context was shut down, and all exceptions of
         callbacks. The next call runs the other callbacks that were ready.
         """
-        # A guard condition is ready only once, so it must not be lost.
+        # A guard condition is ready only once, so run the stored entities first.
         if not self._ready:
             self._wait(timeout_sec)
         while self._ready:
@@ -233,17 +235,17 @@ class LeanExecutor:
             if self._before_work is not None:
                 self._before_work()
             entity.run()
-            self._go_on()
+            self._continue_tasks()
 
-    def _go_on(self) -> None:
-        """Continue all tasks in the order of their start."""
+    def _continue_tasks(self) -> None:
+        """Continue all tasks of `create_task`, in the order of their start."""
         for task in self._tasks:
             task()
         if self._tasks:
             self._tasks = [task for task in self._tasks if not task.done()]
 
     def shutdown(self) -> None:
-        """Remove the node; must be called once, outside callbacks."""
+        """Remove the node; to be called once, outside callbacks."""
         self._node.executor = None
         self._held.close()
         for guard in self._guards:
@@ -270,7 +272,7 @@ class LeanExecutor:
         self._ready.extend(entity for entity in self._entities if entity.is_ready(wait_set))
 
     def _gather(self) -> None:
-        """Build a wait set of the node's present entities."""
+        """Build a new wait set for the node's present entities."""
         self._held.close()  # releases entities that were destroyed meanwhile
         self._entities = [entity for entity in waited_entities(self._node) if self._hold(entity)]
         count = NumberOfEntities(num_gcs=len(self._guards))
@@ -288,7 +290,7 @@ class LeanExecutor:
             )
 
     def _hold(self, entity: WaitedEntity | WaitedWaitable) -> bool:
-        """Keep an entity from being destroyed during a wait; return False if it already was."""
+        """Prevent destruction of an entity during a wait; return False if it was destroyed."""
         try:
             self._held.enter_context(entity.handle)
         except InvalidHandle:
@@ -297,7 +299,7 @@ class LeanExecutor:
 
 
 def _exists(entity: WaitedEntity | WaitedWaitable) -> bool:
-    """Return whether an entity has not been destroyed."""
+    """Return whether an entity still exists."""
     try:
         with entity.handle:
             return True
@@ -305,27 +307,26 @@ def _exists(entity: WaitedEntity | WaitedWaitable) -> bool:
         return False
 
 
-# [s] after which a thread that wakes for its cycle gets the interpreter at the latest; Python's
-# default is 5 ms. With a shorter interval the threads switch too often.
+# [s] Longest time for which a thread that wakes for its cycle waits for Python's interpreter;
+# Python's default is 5 ms. With a shorter interval the threads switch too often.
 SWITCH_INTERVAL = 50e-6
-# Work that begins in the slack of a cycle may end in that slack. A thread that only wakes to wait
-# for the slack does not disturb the cycle.
+# The same for callbacks that run in the idle time of a cycle: they may end without a switch.
 SWITCH_INTERVAL_IN_SLACK = 500e-6  # decision 16
 WAIT = 5.0  # [s]; each wake-up costs the main loop half a millisecond
 
 
 class BackgroundExecutor:
-    """Context that spins a node in a second thread.
+    """Context in which a second thread spins a node.
 
-    Enter it before `set_fifo`, which then gives this thread a priority one below the loop's.
+    Enter it before `set_fifo`, which then sets this thread's priority one below that of the loop.
 
     Parameters
     ----------
     node
-        Node to spin. Subscriptions of a RawReader are ignored, because they belong to their loop.
+        Node to spin. The executor ignores subscriptions of a RawReader, which the loop reads.
     before_work
-        Called before each callback; blocks until a cycle of the loop is over, so that the callback
-        does not disturb the loop. Without it, callbacks run at any time.
+        Called before each callback. It blocks until the end of a cycle, so that the callback does
+        not disturb the loop. Without it, callbacks run at any time.
     """
 
     def __init__(self, node: Node, before_work: Callable[[], None] | None = None) -> None:
@@ -351,8 +352,8 @@ class BackgroundExecutor:
         self._node.destroy_guard_condition(self._end)
 
     def _spin(self) -> None:
-        # Executor.spin() can miss a shutdown that arrives while it prepares to wait, and then
-        # waits for ever. This loop checks again.
+        # Executor.spin() can miss a shutdown that arrives while it prepares to wait, and then never
+        # returns. This loop checks again.
         with contextlib.suppress(KeyboardInterrupt):
             while not self._stopped:
                 try:
@@ -381,7 +382,10 @@ _SPIN = 0.05  # [s]
 
 
 def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> bool:
-    """Spin a node without executor until a condition is true; return False after `timeout` [s]."""
+    """Spin a node until a condition is true; return False if that takes longer than `timeout` [s].
+
+    No executor may contain the node.
+    """
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:
@@ -391,7 +395,7 @@ def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> b
 
 
 def this_domain() -> str:
-    """Return the node's ROS domain and discovery range, for messages about missing nodes."""
+    """Return a text with ROS domain and discovery range, for messages about missing nodes."""
     domain = os.environ.get('ROS_DOMAIN_ID', '0')
     where = 'this host only; ground_link connects hosts'
     if os.environ.get('AERARM_NETWORK') == 'open':
@@ -402,9 +406,9 @@ def this_domain() -> str:
 def create_steady_timer(
     node: Node, period: float, act: Callable[[], None], autostart: bool = True
 ) -> Timer:
-    """Create a timer of a node on the monotonic clock.
+    """Create a timer for a node that uses the monotonic clock.
 
-    rclpy's default is the system clock: after it is set back by 2 s, a timer of 20 ms pauses for 2
+    rclpy's default is the system clock. If that is set back by 2 s, a timer of 20 ms pauses for 2
     s.
 
     Parameters
@@ -414,7 +418,7 @@ def create_steady_timer(
     period
         Period of the calls [s].
     act
-        Called by the node's executor.
+        Function that the node's executor calls periodically.
     autostart
         Whether the timer starts now; otherwise it starts with its first `reset`.
     """

@@ -1,4 +1,4 @@
-"""The ROS graph: endpoints, publishers and duplicate publishers."""
+"""Checks of the ROS graph: which nodes publish a topic, and whether their messages arrive."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _UNKNOWN = '_NODE_NAME_UNKNOWN_'  # name of an endpoint that was discovered befo
 
 
 def endpoint_name(endpoint: TopicEndpointInfo) -> str:
-    """Return the full name of an endpoint's node, or an empty text while it is unknown."""
+    """Return the full name of an endpoint's node, or an empty text if it is not discovered yet."""
     if endpoint.node_name == _UNKNOWN:
         return ''
     return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
 
 
 def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
-    """Return why a publisher's messages do not arrive, or an empty text.
+    """Return why messages of a publisher do not reach a subscription, or an empty text.
 
-    The middleware does not report different types. The middleware reports different qualities of
+    The middleware does not report different message types. It reports different qualities of
     service only to executors that run the subscription.
     """
     if publisher.topic_type != topic.type_name:
@@ -36,27 +36,27 @@ def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
     return ''
 
 
-_PATIENCE = 10.0  # [s] for an emulated arm whose host pauses
+_PATIENCE = 10.0  # [s] without states of an emulated arm, whose host may pause
 _LOOKS = 0.1  # [s] between two checks
 _PROCESS = 12  # bytes of a DDS GUID that identify its participant
 _CLOCK = 'rosgraph_msgs/msg/Clock'
 
 
 def is_emulated(node: Node, topic: str) -> bool:
-    """Return whether each node that publishes a topic also publishes a clock, under any name.
+    """Return whether all publishers of a topic are emulated arms.
 
-    A publisher with a clock is an emulated arm, whose simulation time pauses when its host is
-    busy. The result is False if the topic has no publisher. The call takes a few milliseconds at
-    most.
+    A node that also publishes a clock is an emulated arm, whose simulation time pauses when its
+    host is busy. The result is False if the topic has no publisher. The call takes a few
+    milliseconds at most.
 
     Parameters
     ----------
     node
-        Node whose view of the ROS graph is used.
+        Node with which the ROS graph is read.
     topic
-        Full name, for example of joint_states.
+        Full name of the topic, for example of joint_states.
     """
-    # Search by type: each emulated arm has its own clock topic, whose name only its bridge has.
+    # Search by type, because each emulated arm may publish its clock under another topic name.
     names = [name for name, types in node.get_topic_names_and_types() if _CLOCK in types]
     clocks = [clock for name in names for clock in node.get_publishers_info_by_topic(name)]
     ends = node.get_publishers_info_by_topic(topic)
@@ -72,12 +72,14 @@ def _is_of_one_node(one: TopicEndpointInfo, other: TopicEndpointInfo) -> bool:
 
 
 class SilencePatience:
-    """Longest accepted time without states of an arm, which is longer for an emulated arm.
+    """Determine for how long an arm may publish no joint states before it counts as ended.
+
+    That time is longer for an emulated arm, which may pause.
 
     Parameters
     ----------
     node, topic
-        See `is_emulated`.
+        Arguments of `is_emulated`.
     """
 
     def __init__(self, node: Node, topic: str) -> None:
@@ -87,10 +89,10 @@ class SilencePatience:
         self._is_emulated = False
 
     def limit(self, timeout: float) -> float:
-        """Return the longest accepted silence [s]; for a real arm this is `timeout` [s].
+        """Return the longest accepted time without joint states [s], `timeout` for a real arm.
 
-        To be called while the arm is silent; checks the graph at most ten times per second. An
-        ended bridge no longer publishes, so its limit is `timeout`.
+        To be called while no joint states arrive. The method reads the graph at most ten times per
+        second. An ended bridge has no publisher any more, so its limit is `timeout`.
         """
         now = time.monotonic()
         if now - self._looked > _LOOKS:
@@ -99,7 +101,7 @@ class SilencePatience:
 
 
 class PublisherCheck:
-    """Find publishers that cannot reach a subscription, such as those of another type."""
+    """Find publishers whose messages the recorder cannot receive, and the reason."""
 
     def __init__(self, node: Node, topics: Sequence[Topic]) -> None:
         self._node = node
@@ -107,19 +109,19 @@ class PublisherCheck:
         self._reported: set[str] = set()
 
     def news(self, matched: Sequence[int]) -> list[str]:
-        """Return the problems that are new since the last call.
+        """Return messages about unrecordable publishers that no earlier call has reported.
 
         Parameters
         ----------
         matched
-            Number of matched publishers per subscription, in the topics' order.
+            Number of matched publishers per subscription, in the order of the topics.
         """
         found = [
             text
             for (name, topic), count in zip(self._topics, matched, strict=True)
             if self._node.count_publishers(name) > count
             for endpoint in self._node.get_publishers_info_by_topic(name)
-            if endpoint_name(endpoint)  # otherwise with one of the next calls
+            if endpoint_name(endpoint)  # otherwise one of the next calls reports it
             for text in _problems(name, topic, endpoint)
         ]
         news = [text for text in dict.fromkeys(found) if text not in self._reported]
@@ -133,54 +135,54 @@ def _problems(name: str, topic: Topic, publisher: TopicEndpointInfo) -> Iterator
     if publisher.topic_type != topic.type_name:
         yield (
             f'{name} of {node} is not recorded: its type is {publisher.topic_type} instead of '
-            f'{topic.type_name}'
+            f'{topic.type_name}: rename that topic'
         )
     elif (
         wanted.reliability == ReliabilityPolicy.RELIABLE
         and qos.reliability == ReliabilityPolicy.BEST_EFFORT
     ):
         yield (
-            f'{name} of {node} is not recorded, because it is best effort: make the '
-            'publisher reliable'
+            f'{name} of {node} is not recorded, because it is best effort: change the publisher '
+            'to reliable'
         )
     elif (
         wanted.durability == DurabilityPolicy.TRANSIENT_LOCAL
         and qos.durability == DurabilityPolicy.VOLATILE
     ):
         yield (
-            f'{name} of {node} is not recorded, because it is volatile: make the publisher '
+            f'{name} of {node} is not recorded, because it is volatile: change the publisher to '
             'transient local'
         )
 
 
-_CYCLES = 100  # [cycles] between two checks
+_CYCLES = 100  # between two checks
 UNNAMED = 'a new node'
-"""Name of a publisher that was discovered before its node."""
+"""Text for a publisher whose node is not discovered yet."""
 
 
 class PublisherWatch:
-    """Report the full names of a topic's publishers.
+    """Report the names of all nodes that publish a topic, after each change.
 
-    Reading the graph takes up to a millisecond of the interpreter's time, a whole cycle of a loop.
-    PublisherWatch therefore reads the graph only after a change of the number of publishers, while
-    a name is unknown, and after `look_soon`. The middleware's event of a new publisher is not
-    suitable, because every message of the topic would wake the waiting thread.
+    Reading the graph takes up to 1 ms of the interpreter's time, which is a whole cycle of a loop.
+    PublisherWatch therefore reads the graph only if the number of publishers has changed or a name
+    is unknown, and after `look_soon`. The middleware's event for a new publisher is not suitable,
+    because every message of the topic would wake the waiting thread.
 
     Parameters
     ----------
     node
         Node whose executor's thread reads the graph.
     report
-        Receives the names of the publishers that reach a subscription, by their GIDs.
+        Called with the names of the nodes whose messages arrive, by the publishers' GIDs.
     cycles
         Number of calls of `poll` between two checks.
     known
-        Number of publishers that is normal.
+        Number of publishers that the caller already knows.
 
     Attributes
     ----------
     problems
-        One text with the reason for each publisher that does not reach the subscription.
+        One text for each publisher whose messages do not arrive, with the reason.
     """
 
     def __init__(
@@ -203,7 +205,7 @@ class PublisherWatch:
         self._reason = node.create_guard_condition(self._look)
 
     def poll(self) -> None:
-        """Detect a change; to be called in every cycle, takes a microsecond."""
+        """Check for a change of the publishers; to be called in every cycle, takes 1 us."""
         self._cycle += 1
         if self._cycle % self._cycles:
             return
@@ -213,11 +215,11 @@ class PublisherWatch:
             self._reason.trigger()
 
     def look_soon(self) -> None:
-        """Read the graph after some cycles."""
+        """Read the graph at the next check, even if the number of publishers has not changed."""
         self._wanted = True
 
     def destroy(self) -> None:
-        """Stop watching."""
+        """Destroy the guard condition that starts a check."""
         self._node.destroy_guard_condition(self._reason)
 
     def _look(self) -> None:
@@ -236,24 +238,24 @@ class PublisherWatch:
         self._report(names)
 
 
-OF_AN_ARM = ': stop all but one, or give each arm its own namespace or ROS_DOMAIN_ID'
-"""Advice for duplicate publishers of an arm's topic."""
+OF_AN_ARM = ': stop all but one, or start each arm with a different namespace or ROS_DOMAIN_ID'
+"""Advice at the end of a warning about several publishers of an arm's topic."""
 
 
 def several_publishers(topic: str, names: Sequence[str], advice: str = OF_AN_ARM) -> str:
-    """Return a warning with the publishers of a topic if there are several, else an empty text."""
+    """Return a warning that names the publishers of a topic if there are several, else ''."""
     if len(names) < 2:
         return ''
     return f'{topic} has {len(names)} publishers, {" and ".join(sorted(names))}{advice}'
 
 
 class DuplicatePublisherCheck:
-    """Detect a duplicate publisher: with two bridges a node would follow both arms alternately.
+    """Detect several publishers of a topic, for example two bridges that publish joint states.
 
     Parameters
     ----------
     node
-        Node whose view of the ROS graph is used.
+        Node with which the ROS graph is read.
     topic
         Topic that only one node should publish.
     """
@@ -264,9 +266,9 @@ class DuplicatePublisherCheck:
         self._reported = ''
 
     def problem(self) -> str:
-        """Return a warning with the duplicate publishers, or an empty text.
+        """Return a warning that names the duplicate publishers, or an empty text.
 
-        Quick while there is one publisher; reading names takes up to a millisecond.
+        The call is fast with one publisher; reading the names of several takes up to 1 ms.
         """
         if self._node.count_publishers(self._topic) < 2:
             return ''
@@ -275,17 +277,17 @@ class DuplicatePublisherCheck:
         return several_publishers(self._topic, names)
 
     def news(self) -> str:
-        """Return the problem if it differs from the last one, else an empty text."""
+        """Return `problem` if it has changed since the last call, else an empty text."""
         problem = self.problem()
         is_new, self._reported = problem != self._reported, problem
         return problem if is_new else ''
 
 
-_DUPLICATE_CYCLES = 1000  # [cycles] between two checks; the user's reaction takes longer
+_DUPLICATE_CYCLES = 1000  # between two checks, because the user's reaction takes longer
 
 
 class DuplicatePublisherWatch:
-    """Warn once per change while a topic has another publisher than its node.
+    """Log a warning whenever another node starts to publish a topic of this node.
 
     Parameters
     ----------
@@ -299,7 +301,7 @@ class DuplicatePublisherWatch:
     Attributes
     ----------
     problem
-        Warning with the duplicate publishers; empty if there are none.
+        Warning that names the duplicate publishers; empty if there are none.
     """
 
     def __init__(self, node: Node, topic: Topic, advice: str = OF_AN_ARM) -> None:
@@ -310,17 +312,17 @@ class DuplicatePublisherWatch:
         self._watch = PublisherWatch(node, topic, self._judge, _DUPLICATE_CYCLES, known=1)
 
     def poll(self) -> None:
-        """Detect a change; to be called in every cycle, takes a microsecond."""
+        """Check for a change of the publishers; to be called in every cycle, takes 1 us."""
         self._watch.poll()
 
     def destroy(self) -> None:
-        """Stop watching."""
+        """Destroy the guard condition that starts a check."""
         self._watch.destroy()
 
     def _judge(self, publishers: Mapping[bytes, str]) -> None:
         names = list(publishers.values())
         if UNNAMED in names:
-            return  # The watch checks again later.
+            return  # `PublisherWatch` reports again once it has read the name.
         problem = several_publishers(self._topic, names, self._advice)
         if problem and problem != self.problem:
             self._logger.warning(problem)

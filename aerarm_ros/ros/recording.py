@@ -1,4 +1,4 @@
-"""Recording of topics: their names, their lost messages, and the bag."""
+"""Recorder of topics in a bag, with counts and causes of lost messages."""
 
 from __future__ import annotations
 
@@ -36,38 +36,39 @@ from aerarm_ros.ros.parameters.parameter_table import ParameterError
 from aerarm_ros.ros.states.state_stream import Answers
 
 LINK, DISK, PROCESSOR = 'link', 'disk', 'processor'
-"""Causes of a gap."""
+"""Causes of lost messages: the network link, the recorder's disk, or its processor."""
 
-_STALL_NS = 50_000_000  # a pass of the recorder's loop takes some milliseconds
-_JOIN_NS = 1_000_000_000  # gaps of one cause that are closer than this are one line of the log
+_STALL_NS = 50_000_000  # a pass of the recorder's loop normally takes some milliseconds
+_JOIN_NS = 1_000_000_000  # one log line reports gaps with the same cause that are closer
 _SAMPLE_NS = 100_000_000  # between two readings of the kernel's counter (0.2 ms each)
-_OVERFLOW_NS = 1_000_000_000  # a delayed middleware empties the buffer afterwards
-_PASSES = 4096  # remembered: 10 s and more
+_OVERFLOW_NS = 1_000_000_000  # time after an overflow in which the middleware empties the buffer
+_PASSES = 4096  # passes of the loop that are stored, at least 10 s
 _ADVICE = {
     LINK: (
-        'the network between both hosts lost them: record on the host that publishes (arm record '
-        'does so through ground_link)'
+        'the network between both hosts lost messages: record on the host that publishes, for '
+        'example with arm record through ground_link'
     ),
     DISK: ('the disk was too slow: record to a faster disk, or fewer topics (parameter topics)'),
     PROCESSOR: (
         'this computer was too busy: end other programs, record fewer topics (parameter topics), '
-        'or let more messages wait (parameter depth, {depth} now)'
+        'or increase the queue length (parameter depth, {depth} now)'
     ),
 }
 
 
 @dataclass
 class Gap:
-    """Messages lost in a row, or in gaps with the same cause in quick succession.
+    """Consecutive lost messages, or several such gaps with the same cause within one second.
 
     Attributes
     ----------
     cause
         `LINK`, `DISK` or `PROCESSOR`.
     begin_ns, end_ns
-        Reception times of the messages before and after [ns since the epoch].
+        Reception times of the last message before and the first message after the gap [ns since
+        the epoch].
     counts
-        Lost messages by topic.
+        Number of lost messages by topic.
     is_overflow
         Whether the kernel dropped datagrams because its receive buffer was full.
     """
@@ -79,7 +80,7 @@ class Gap:
     is_overflow: bool = False
 
     def text(self, depth: int) -> str:
-        """Return the losses, their time, their cause and advice."""
+        """Return a log line with lost messages, times, cause and advice."""
         counts = ', '.join(f'{count} of {name}' for name, count in self.counts.items())
         times = [_time_of_day(time_ns) for time_ns in (self.begin_ns, self.end_ns)]
         advice = receive_buffer_advice() if self.is_overflow else _ADVICE[self.cause]
@@ -90,54 +91,54 @@ class Gap:
 
 
 class LossWatch:
-    """Find the cause of each gap, and report each gap once.
+    """Determine the causes of gaps in the received messages, and report each gap once.
 
-    A long pass of the recorder's loop explains a gap: either the disk took most of its time, or
-    other programs used the processor. Without a long pass, the network lost the messages of
-    another host.
+    A long pass of the recorder's loop causes a gap: either the disk took most of its time, or
+    other programs used the processor. Without a long pass, the network lost messages of another
+    host.
 
     Parameters
     ----------
     depth
         Queue length of a topic in messages.
     dropped
-        Returns how many datagrams the kernel has dropped because a receive buffer was full; by
-        default that of this host.
+        Returns the number of datagrams that the kernel has dropped because a receive buffer was
+        full; by default the number for this host.
 
     Attributes
     ----------
     last
-        The newest gap that was reported, None before the first.
+        Newest reported gap, None before the first.
     """
 
     def __init__(self, depth: int, dropped: Callable[[], int] | None = None) -> None:
         self._depth = depth
         self._dropped = dropped or dropped_datagrams
-        # Counts of the kernel [ns since the epoch, datagrams]; the first is that of the start.
+        # Times [ns since the epoch] and numbers of dropped datagrams, the first at the start.
         self._drops = deque([(0, self._dropped())], maxlen=_PASSES)
         self._passes: deque[tuple[int, int, int]] = deque(maxlen=_PASSES)
         self._gaps: list[Gap] = []
         self.last: Gap | None = None
 
     def note_pass(self, begin_ns: int, end_ns: int, disk_ns: int) -> None:
-        """Note a pass of the loop [ns since the epoch], and the part that the disk took [ns]."""
+        """Store begin and end of a pass of the recorder's loop, and the disk's part of it [ns]."""
         self._passes.append((begin_ns, end_ns, disk_ns))
         if abs(end_ns - self._drops[-1][0]) >= _SAMPLE_NS:
             self._drops.append((end_ns, self._dropped()))
 
     def note_gap(self, topic: str, count: int, begin_ns: int, end_ns: int, is_remote: bool) -> None:
-        """Note lost messages between two received ones.
+        """Store a gap between two received messages of a topic, and determine its cause.
 
         Parameters
         ----------
         topic
-            Its name.
+            Name of the topic.
         count
-            Messages lost.
+            Number of lost messages.
         begin_ns, end_ns
-            Reception times of the messages before and after [ns since the epoch].
+            Reception times of the two messages [ns since the epoch].
         is_remote
-            Whether another host publishes them.
+            Whether another host publishes the topic.
         """
         cause, is_overflow = self._cause(count, begin_ns, end_ns, is_remote)
         for gap in self._gaps:
@@ -149,7 +150,7 @@ class LossWatch:
         self._gaps.append(Gap(cause, begin_ns, end_ns, {topic: count}, is_overflow))
 
     def news(self) -> list[str]:
-        """Return a sentence about each new gap."""
+        """Return one log line for each gap that was not reported yet."""
         gaps, self._gaps = self._gaps, []
         if gaps:
             self.last = gaps[-1]
@@ -163,14 +164,14 @@ class LossWatch:
         recent = takewhile(lambda a_pass: a_pass[1] > begin_ns, reversed(self._passes))
         overlapping = [(end - begin, disk) for begin, end, disk in recent if begin < end_ns]
         longest, disk = max(overlapping, default=(0, 0))
-        # What came during the longest pass, at the rate of what was lost: did it overflow?
+        # Number of messages that arrived during the longest pass, at the rate of the lost ones.
         waiting = count * longest / max(end_ns - begin_ns, 1)
         if is_remote and (longest < _STALL_NS or waiting < 0.5 * self._depth):
             return LINK, False
         return (DISK if longest > _STALL_NS and 2 * disk > longest else PROCESSOR), False
 
     def _dropped_until(self, time_ns: int) -> int:
-        """Return the kernel's count at a time [ns since the epoch], or at the watch's start."""
+        """Return the number of dropped datagrams at `time_ns` [ns since the epoch] or the start."""
         samples = (count for sampled_ns, count in reversed(self._drops) if sampled_ns <= time_ns)
         return next(samples, self._drops[0][1])
 
@@ -180,7 +181,7 @@ def _time_of_day(time_ns: int) -> str:
 
 
 def dropped_datagrams() -> int:
-    """Return how many UDP datagrams the kernel has dropped for lack of space in a buffer."""
+    """Return how many UDP datagrams the kernel has dropped because a receive buffer was full."""
     try:
         lines = Path('/proc/net/snmp').read_text().splitlines()
     except OSError:
@@ -190,37 +191,38 @@ def dropped_datagrams() -> int:
 
 
 _DATAGRAM = 1280  # bytes of kernel memory for a message of a few hundred bytes
-_HELD_UP = 0.25  # [s] for which the middleware's thread may be held up
+_DELAY = 0.25  # [s] by which a busy processor may delay the middleware's thread
 _BUFFERS = ('rmem_default', 'rmem_max')
 
 
 def receive_buffer_need(streams: int) -> int:
-    """Return the receive buffer [bytes] that a number of topics at 1 kHz needs."""
-    return math.ceil(streams * 1000 * _HELD_UP * _DATAGRAM)
+    """Return the necessary size of the kernel's receive buffer for topics at 1 kHz [bytes]."""
+    return math.ceil(streams * 1000 * _DELAY * _DATAGRAM)
 
 
 def receive_buffer_advice(need: int = 0) -> str:
-    """Return the command that raises the kernel's receive buffers to `need` [bytes]."""
+    """Return advice with a command that enlarges the kernel's receive buffers to `need` [bytes]."""
     need = max(need, 2 * _receive_buffer())
     settings = ' '.join(f'net.core.{name}={need}' for name in _BUFFERS)
     return (
-        f"the kernel's receive buffers are full: raise them with 'sudo sysctl -w {settings}', and "
-        'start the recorder again'
+        f"the kernel's receive buffers were full: enlarge them with 'sudo sysctl -w {settings}', "
+        'and restart the recorder'
     )
 
 
 def receive_buffer_problem(streams: int) -> str:
-    """Return what to do about receive buffers too small for topics at 1 kHz, '' if they suffice.
+    """Return a warning if the kernel's receive buffers are too small for `streams` topics at 1 kHz.
 
-    Only for messages of other hosts: those of this host come through shared memory.
+    The text is empty if they suffice. Only messages of other hosts need the buffers, because
+    messages of this host use shared memory.
     """
     need, have = receive_buffer_need(streams), _receive_buffer()
     if have >= need:
         return ''
     settings = ' '.join(f'net.core.{name}={need}' for name in _BUFFERS)
     return (
-        f"the kernel's receive buffer has {have} bytes, {streams} topics at 1 kHz from other hosts "
-        f"need {need}: raise it with 'sudo sysctl -w {settings}' before the recorder starts"
+        f"the kernel's receive buffer has {have} bytes, but {streams} topics at 1 kHz from other "
+        f"hosts need {need} bytes: run 'sudo sysctl -w {settings}' before you start the recorder"
     )
 
 
@@ -236,7 +238,7 @@ SUITE_TOPICS = tuple(name for name in TOPICS if name not in _UNRECORDED)
 
 
 def find_topics(entries: Sequence[str]) -> list[Topic]:
-    """Return the topics of a list of names.
+    """Convert entries of the parameter `topics` to topics.
 
     Parameters
     ----------
@@ -250,12 +252,15 @@ def find_topics(entries: Sequence[str]) -> list[Topic]:
     """
     topics = [_find_topic(entry.strip()) for entry in entries]
     if not topics or len({topic.name for topic in topics}) != len(topics):
-        raise ParameterError(f'topics = {list(entries)} repeats a topic: name each topic once')
+        raise ParameterError(
+            f'the parameter topics = {list(entries)} is empty or repeats a topic: name each topic '
+            'once'
+        )
     return topics
 
 
 def as_recorded(topic: Topic, full_name: str) -> RecordedTopic:
-    """Return a topic's description for the bag, with its offered quality of service."""
+    """Return the description of a topic for the bag, with its offered quality of service."""
     return RecordedTopic(
         full_name,
         topic.type_name,
@@ -297,7 +302,7 @@ _DISORDER = 1_000_000_000  # [ns] longest correction of a reception time
 
 
 class BagFeed:
-    """Write messages of subscriptions to a bag, and count them.
+    """Subscribe to topics, write their messages to a bag, and count them.
 
     Parameters
     ----------
@@ -306,11 +311,11 @@ class BagFeed:
     topics
         Topics to record, as the bag describes them.
     subscribed
-        The topics with the queue lengths of the subscriptions.
+        The same topics, with the queue lengths for the subscriptions.
     directory, compression
         Directory and compression of the bag.
     losses
-        Receives each gap.
+        Object to which this class reports gaps.
 
     Attributes
     ----------
@@ -351,11 +356,11 @@ class BagFeed:
         )
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s]; return whether a message arrived."""
+        """Wait up to `timeout` [s] for a message; return whether one arrived."""
         return self._reader.wait(timeout)
 
     def take(self, limit: int) -> None:
-        """Write waiting messages to the bag, up to `limit` per topic; raises BagError.
+        """Write received messages to the bag, at most `limit` per topic, or raise BagError.
 
         Without a limit, a slow recorder would never return from this call.
         """
@@ -389,23 +394,23 @@ class BagFeed:
                 )
 
     def _note_pass(self) -> None:
-        """Note the duration of the pass that ends here."""
+        """Report the duration of the pass of the loop that has just ended."""
         now_ns, disk = time.time_ns(), self._writer.disk_time
         self._losses.note_pass(self._passed_ns, now_ns, int(1e9 * (disk - self._disk)))
         self._passed_ns, self._disk = now_ns, disk
 
     def _note_gap(self, index: int, missing: int, info: dict[str, Any]) -> None:
-        """Note that messages are missing before the one that was just taken."""
+        """Report that messages before the present one were lost."""
         news, self._lost[index] = missing - self._lost[index], missing
         if news <= 0:
-            return  # a guess was taken back
+            return  # messages that seemed lost have arrived late
         end = info['received_timestamp'] or time.time_ns()
         begin = self._received[index] or end
         name, is_remote = self.names[index], self._is_remote(info.get('publisher'))
         self._losses.note_gap(name, news, min(begin, end), end, is_remote)
 
     def _is_remote(self, publisher: bytes | None) -> bool:
-        """Return whether a publisher is on another host, by the host's part of DDS identifiers."""
+        """Return whether a publisher runs on another host, according to its DDS identifier."""
         if publisher is None:
             return False
         if self._host is None:
@@ -418,11 +423,11 @@ class BagFeed:
         return publisher[:_HOST] != self._host
 
     def _in_order(self, index: int, received: int) -> int:
-        """Return a message's reception time [ns], at least that of its topic's last message.
+        """Return the reception time of a message [ns], at least that of the topic's last message.
 
-        Bags are read in the order of this time. With several publishers, messages may be read in
-        another order than they arrived. A larger step means that the clock was set back, and is
-        kept.
+        Readers of bags sort messages by this time. With several publishers, messages may be read in
+        another order than they arrived. If the time decreases by more than 1 s, the clock was set
+        back, so the time is not changed.
         """
         if self._received[index] - received < _DISORDER:
             received = max(received, self._received[index])
@@ -430,10 +435,10 @@ class BagFeed:
         return received
 
     def _number(self, index: int, info: dict[str, Any]) -> int:
-        """Return a message's number in the bag; gaps in the numbers are lost messages.
+        """Return the sequence number of a message for the bag, with gaps for lost messages.
 
-        Each publisher numbers its own messages. A bag does not store publishers, so the messages
-        of all publishers are numbered in one sequence.
+        Each publisher numbers its own messages. A bag does not store publishers, so it has one
+        sequence of numbers per topic.
         """
         number: int = info['publication_sequence_number']
         if number in UNNUMBERED or 'publisher' not in info:
@@ -441,7 +446,7 @@ class BagFeed:
         return self._reader.count(index) + (self._reader.lost(index) or 0)
 
     def until(self) -> bytes:
-        """Return the stamp of the newest joint state as a serialized Time; b'' before the first."""
+        """Return the newest joint state's stamp as a serialized Time; b'' before the first."""
         # A serialized Time equals the first bytes of a serialized JointState.
         return self._states.state[:_STAMP_END]
 
@@ -450,16 +455,16 @@ class BagFeed:
         return [self._reader.publishers(k) for k in range(len(self.names))]
 
     def message_counts(self) -> dict[str, tuple[int, int | None]]:
-        """Return the numbers of received and lost messages (None: unknown) of each topic."""
+        """Return the numbers of received and lost messages of each topic, None if unknown."""
         read, counts = self._reader, self._writer.counts
         totals = {name: (counts[k], read.lost(k)) for k, name in enumerate(self.names)}
         return {name: numbers for name, numbers in totals.items() if numbers[0]}
 
     def silent(self) -> list[str]:
-        """Return the streams with a publisher from which no message has been received.
+        """Return the best-effort topics that have a publisher but no received message.
 
-        Either the publisher sent nothing, or all messages were lost: only a received message shows
-        how many are missing before it.
+        Either the publisher has sent no message, or all messages were lost. Only a received message
+        shows how many messages before it are missing.
         """
         counts = self._writer.counts
         return [
@@ -469,22 +474,22 @@ class BagFeed:
         ]
 
     def total_lost(self) -> object:
-        """Return how many messages are lost, with 'at least' if a topic's can't be counted."""
+        """Return the number of lost messages, as 'at least N' if losses of a topic are unknown."""
         lost = [lost for _, lost in self.message_counts().values()]
         total = sum(filter(None, lost))
         return f'at least {total}' if None in lost or self.silent() else total
 
     @property
     def waiting(self) -> int:
-        """Number of messages that wait for the disk."""
+        """Number of messages that are not yet written to the disk."""
         return self._writer.waiting
 
     def written(self) -> tuple[int, int]:
-        """Return the number of messages in the bag and their size in bytes."""
+        """Return the number of messages in the bag, and the size of its file [bytes]."""
         return sum(self._writer.counts), os.fstat(self._writer.fileno()).st_size
 
     def complete(self) -> None:
-        """Write pending messages and complete the bag; raises BagError. May be called twice."""
+        """Write pending messages and complete the bag, or raise BagError; may be called twice."""
         self._writer.close()
 
     def destroy(self) -> None:

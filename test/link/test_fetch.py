@@ -185,7 +185,7 @@ def test_a_folder_within_a_bag_is_not_offered(bag: Path, tmp_path: Path) -> None
     ],
 )
 def test_an_invalid_manifest_is_an_error(manifest: Any, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match='the drone offers no bag'):
+    with pytest.raises(ValueError, match='the drone sent an invalid list of files'):
         Fetch(tmp_path / 'ground', 1, manifest, 10.0)
     assert not (tmp_path / 'ground').exists()
 
@@ -242,7 +242,7 @@ def test_a_file_that_grows_is_fetched_as_it_was(bag: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize('name', ['../x', '/etc/passwd', '.hidden', '', 'a/b', 'a' * 101])
 def test_no_path_is_a_name(name: str, tmp_path: Path) -> None:
     assert not is_name(name)
-    with pytest.raises(ValueError, match='offers no bag'):
+    with pytest.raises(ValueError, match='invalid list of files'):
         Fetch(tmp_path, 1, [[name, 5]], 10.0)
 
 

@@ -116,7 +116,7 @@ def test_arm_go_reports_success_and_failure(bridge: NodeProcess, tmp_path: Path)
         status, text = ask('go', *posture, '--timeout', '100')
         assert (status, words(text)) == (0, 'the arm has reached its goal\n')
         status, text = ask('go', '0.3', '1.4')
-        assert (status, '4 joint positions [rad] are needed, for joint1, joint2' in text) == (
+        assert (status, 'the arm needs 4 joint positions [rad], for joint1, joint2' in text) == (
             1,
             True,
         )
@@ -146,7 +146,7 @@ def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> Non
             ('hand_guide', 'true', "has no parameter 'hand_guide', did you mean 'hand_guiding'?"),
             ('kp', '[-1]', 'rejects the value: parameter kp must be'),
             ('kp', '{', "'{' is not a valid value"),
-            ('urdf', 'x', 'is read-only: set it when the node starts, -p urdf:=x'),
+            ('urdf', 'x', 'is read-only: restart the node with -p urdf:=x'),
         ):
             status, text = ask('set', node, name, value)
             assert (status, problem in text) == (1, True), text

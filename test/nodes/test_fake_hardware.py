@@ -220,7 +220,7 @@ def test_true_parameters_are_written_for_the_report(client: BridgeClient, tmp_pa
         ({'truth_file': '/nowhere/truth.yaml'}, 'truth_file'),
         (
             {'initial_position': [0.1]},
-            'initial_position has 1 values: set one for each of joint1',
+            'initial_position has 1 values: set one value for each of joint1',
         ),
     ],
 )

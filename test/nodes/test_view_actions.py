@@ -112,18 +112,18 @@ def commission(viewer: Viewer, record: Path) -> None:
         viewer.listen(lambda: text in viewer.text(), PATIENCE)
 
     viewer.set('joint to commission', 'joint4')
-    viewer.set('let an emulated hand turn the joints', True)
+    viewer.set('an emulated hand turns the joints', True)
     viewer.set('Begin commissioning', True)
     wait(f'passed: joint4; record: {record}')
     assert load_record(record).joints['joint4'].passed
     viewer.set('joint to commission', 'joint3')
-    viewer.set('let an emulated hand turn the joints', False)
+    viewer.set('an emulated hand turns the joints', False)
     viewer.set('Begin commissioning', True)
     wait('Put joint3 at its home configuration')
     viewer.set('Skip this step', True)
     wait('The motor of joint3 aligns now')
     viewer.set('Skip this step', True)
-    wait(f'joint3 did not pass, see {record}')
+    wait(f'joint3 did not pass: read the findings in {record}')
     assert load_record(record).joints['joint3'].findings == ('joint3: skipped by the user',) * 2
 
 

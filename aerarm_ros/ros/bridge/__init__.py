@@ -1,6 +1,5 @@
-"""The bridge's node: `hardware.BridgeCycle` with topics, services and a periodic loop.
+"""ROS node of the bridge, with its topics, services and parameters.
 
-The node receives commands, requests and parameters. The node publishes states, the mode and
-diagnostics. `HardwareBridge` assembles the parts; the control of the motors is in
-`aerarm_ros.hardware`.
+The class `HardwareBridge` connects these parts with `BridgeCycle` in `aerarm_ros.hardware`, which
+controls the motors.
 """

@@ -1,4 +1,4 @@
-"""Publish the bridge's diagnostics once per second and at every change of mode."""
+"""Diagnostics and log of the bridge."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
 
-# [s] A larger difference between the stamps and the system clock is a warning.
+# [s] A larger difference between the stamps and the system clock causes a warning.
 _BEHIND_MAX = 0.02
 _LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
 class BridgeTiming:
-    """Statistics of the bridge's loop and of the commands that it receives.
+    """Collect timing statistics of the bridge's cycle and of the received commands.
 
     Parameters
     ----------
     loop
         Loop of the bridge's cycle.
     stamps
-        Clock of the states' stamps.
+        Clock for the stamps of the joint states.
     """
 
     def __init__(self, loop: PeriodicLoop, stamps: SteadyClock) -> None:
@@ -50,16 +50,16 @@ class BridgeTiming:
         self._summaries: dict[str, TimingSummary] = {}
 
     def add_command(self, age_ns: int, answers_last_state: bool) -> None:
-        """Count a command: age [ns] of the answered state, and whether that was the last state."""
+        """Count a command, and store the age of the joint state that it answers [ns]."""
         self._command_age.add(age_ns)
         self._answered += answers_last_state
 
     def account(self) -> str:
-        """Return one line about the loop's timing for the end of the log."""
+        """Return one line about the timing of the cycle, for the end of the log."""
         return self._loop.account()
 
     def refresh(self) -> Iterator[None]:
-        """Evaluate the statistics for `status`, one per iteration; each takes 0.1 ms."""
+        """Compute the statistics that `status` returns, one per iteration (0.1 ms each)."""
         loop = self._loop
         for name, statistics in (
             ('period', loop.interval),
@@ -71,7 +71,7 @@ class BridgeTiming:
             yield
 
     def status(self) -> tuple[bytes, str, dict[str, object]]:
-        """Return level, message and values of the timing status, as of the last `refresh`."""
+        """Return level, message and values of the timing status from the last `refresh`."""
         loop, summaries = self._loop, self._summaries
         level, text = loop.assess(summaries['period'], summaries['execution time'])
         behind = self._stamps.behind
@@ -93,9 +93,9 @@ def _behind_text(behind: float) -> str:
     where = 'behind' if behind > 0.0 else 'ahead of'
     return (
         f'the stamps are {1000.0 * abs(behind):.0f} ms {where} the system clock, because this '
-        'clock was set. Until both agree, use neither start times nor stamps of the system '
-        "clock. The difference ends at the next 'arm disable' if above 500 ms, else it shrinks "
-        'by 0.5 ms per second'
+        'clock was set. Until both agree, use neither start times nor stamps of the system clock. '
+        "A difference above 500 ms ends at the next 'arm disable', a smaller one shrinks by 0.5 "
+        'ms per second'
     )
 
 
@@ -119,9 +119,9 @@ _END = object()
 # Name of the part, level, text and values.
 Status = tuple[str, bytes, str, Mapping[str, object]]
 MOTORS = 'motors'
-"""Part of the diagnostics with the motors' values."""
+"""Name of the diagnostic status that contains the values of the motors."""
 POWER_FROM = 'power from'
-"""Diagnostics key of the power's source, see `MotorPower`."""
+"""Diagnostics key under which the bridge states how it computes the motor power."""
 _POWER_SOURCES = {
     'voltage': 'power computed from the voltages that the boards report',
     'model': (
@@ -132,34 +132,35 @@ _POWER_SOURCES = {
 
 @dataclass(frozen=True)
 class Watched:
-    """Data sources of the diagnostics while the bridge is active."""
+    """Parts of an active bridge whose values the diagnostics report."""
 
     joint_names: Sequence[str]
     cycle: BridgeCycle
     timing: BridgeTiming
     publishers: CommandPublishers
     watch: PublisherWatch
-    rivals: DuplicatePublisherWatch
+    duplicates: DuplicatePublisherWatch
     zero_file: ZeroFile
     emulated: bool = False
     record: RecordWatch | None = None
 
 
 class BridgeDiagnostics:
-    """Publish the diagnostics of the arm's state, of its motors and of the loop's timing.
+    """Publish the bridge's diagnostics: state of the arm, motors, and timing of the cycle.
 
-    Building a message takes most of a millisecond. While the loop runs, the message is therefore
-    built in steps, one after each cycle. Building in another thread would hold the interpreter lock
-    and delay nearly every cycle.
+    Building a message takes most of a millisecond. While the bridge is active, the message is
+    therefore built in steps, one after each cycle. Building it in another thread would hold the
+    interpreter lock and delay nearly every cycle.
 
     Parameters
     ----------
     node
-        Owner of the publisher; while no cycle runs, its executor publishes once per second.
+        Owner of the publisher. While the bridge is inactive, its executor publishes once per
+        second.
     now_ns
         Returns the time for stamps [ns].
     others
-        Returns further statuses, each with the name of its part.
+        Returns further statuses, for example of an emulated drone.
     """
 
     def __init__(
@@ -180,24 +181,27 @@ class BridgeDiagnostics:
         self._output.arm = name
 
     def watch(self, watched: Watched) -> None:
-        """Publish the diagnostics of a cycle from now on; the cycle calls `step`."""
+        """Report the values of an active bridge from now on; its cycle must call `step`."""
         self._timer.cancel()
         self._pieces = None
         self._watched = watched
         self.publish_soon()
 
     def unwatch(self) -> None:
-        """Report on /diagnostics from now on that no cycle runs."""
+        """Publish from now on that the bridge is not active."""
         self._watched = None
         self._timer.reset()
         self._publish_inactive()
 
     def publish_soon(self) -> None:
-        """Begin a report with the next call of `step`, because a value has changed."""
+        """Start the next message at the next call of `step`, because a value has changed."""
         self._due = -inf
 
     def step(self, now: float) -> None:
-        """Build a part of the report (about 0.1 ms) if one is due at `now` [s, monotonic]."""
+        """Build a part of the message in about 0.1 ms, at the monotonic time `now` [s].
+
+        A new message starts once per second, or after `publish_soon`.
+        """
         if self._pieces is None:
             if now < self._due or self._watched is None:
                 return
@@ -225,7 +229,7 @@ class BridgeDiagnostics:
 def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     cycle, publishers = watched.cycle, watched.publishers
     files = watched.zero_file.problem, watched.record.problem if watched.record else ''
-    warnings = filter(None, [watched.rivals.problem, publishers.warning, *files])
+    warnings = filter(None, [watched.duplicates.problem, publishers.warning, *files])
     texts = [*cycle.faults, *warnings, *watched.watch.problems]
     level = DiagnosticStatus.WARN if texts else DiagnosticStatus.OK
     if cycle.mode in ('fault', 'disconnected'):
@@ -246,7 +250,7 @@ def _zeros(cycle: BridgeCycle) -> str:
 
 
 def resistance_key(joint: str) -> str:
-    """Return the diagnostics key of the winding resistance that a joint's board reports."""
+    """Return the diagnostics key of the winding resistance that the board of a joint reports."""
     return f'{joint} resistance [ohm]'
 
 
@@ -256,7 +260,7 @@ def winding_key(joint: str) -> str:
 
 
 def _heat(watched: Watched) -> dict[str, object]:
-    """Return temperatures, the torque limits that they allow, and the supply voltages."""
+    """Return the diagnostics of temperatures, thermal torque limits and supply voltages."""
     values: dict[str, object] = {}
     heat = watched.cycle.heat
     for name, limit in zip(watched.joint_names, heat.limits, strict=True):
@@ -291,26 +295,26 @@ def _motors(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
 
 
 def followed_by(text: str, sentence: str) -> str:
-    """Return a text followed by a sentence; a question gets no full stop."""
+    """Append a sentence to a text, and end the text with a full stop if it has no final mark."""
     end = '' if text.endswith(('.', '?', '!')) else '.'
     return f'{text}{end} {sentence}'
 
 
-# [s] Connected boards answer much sooner. Faster alternation of modes is logged once per period.
+# [s] Connected boards answer much sooner. Modes that alternate faster are logged once per period.
 _PATIENCE = 1.0
 # Modes that can alternate, for example if a controller is nearly too slow.
-_TO_AND_FRO = ('running', 'damping')
+_ALTERNATING = ('running', 'damping')
 # Modes that are logged with their reason. `RejectionLog` logs the rejections of commands.
 _WITH_REASON = ('disconnected', 'unhomed', 'damping', 'fault')
-_SINKS = 'The arm sinks until a valid command arrives'
+_SINKS = 'The bridge damps the arm, which sinks until a valid command arrives'
 
 
 class ModeLog:
-    """Log every new mode, faults with reason and recovery hint, and a sinking arm as a warning.
+    """Log each new mode of the arm, with the reason and recovery hint of a fault.
 
     The cycle only stores the mode, because logging takes up to a millisecond; the executor's thread
-    logs it. Boards without an answer are logged after a delay, because no board answers in the
-    first moments after a start.
+    logs it. Mode `disconnected` is logged after a delay, because no board answers in the first
+    moments after a start.
 
     Parameters
     ----------
@@ -322,19 +326,17 @@ class ModeLog:
         self._node = node
         self._noted: deque[tuple[str, Sequence[str], str]] = deque()
         self._news = node.create_guard_condition(self._write)
-        self._mode = self._text = self._way_out = ''
+        self._mode = self._text = self._hint = ''
         self._logged_at: dict[str, float] = {}
-        self._patience = create_steady_timer(
-            node, _PATIENCE, self._write_patiently, autostart=False
-        )
+        self._patience = create_steady_timer(node, _PATIENCE, self._write_later, autostart=False)
 
     def note(self, mode: str, reasons: Sequence[str] = (), recovery_hint: str = '') -> None:
-        """Store a new mode with its reason and recovery hint; called from the cycle's thread."""
+        """Store a new mode with its reasons and recovery hint; called from the cycle's thread."""
         self._noted.append((mode, reasons, recovery_hint))
         self._news.trigger()
 
     def warn(self, text: str) -> None:
-        """Log a warning without a change of mode; called from the cycle's thread."""
+        """Store a warning for the log; called from the cycle's thread."""
         self._noted.append(('', (text,), ''))
         self._news.trigger()
 
@@ -344,29 +346,29 @@ class ModeLog:
             if not mode:
                 self._node.get_logger().warning(reasons[0])
                 continue
-            self._mode, self._way_out = mode, recovery_hint
+            self._mode, self._hint = mode, recovery_hint
             has_reason = self._mode in _WITH_REASON and reasons
             self._text = f'{self._mode}: {"; ".join(reasons)}' if has_reason else self._mode
             self._patience.cancel()
-            if self._mode == 'disconnected' or self._is_to_and_fro():
+            if self._mode == 'disconnected' or self._alternates():
                 self._patience.reset()
             else:
-                self._say()
+                self._log()
 
-    def _is_to_and_fro(self) -> bool:
+    def _alternates(self) -> bool:
         since = time.monotonic() - self._logged_at.get(self._mode, -inf)
-        return self._mode in _TO_AND_FRO and since < _PATIENCE
+        return self._mode in _ALTERNATING and since < _PATIENCE
 
-    def _write_patiently(self) -> None:
+    def _write_later(self) -> None:
         self._patience.cancel()
-        self._say()
+        self._log()
 
-    def _say(self) -> None:
+    def _log(self) -> None:
         self._logged_at[self._mode] = time.monotonic()
         log = self._node.get_logger()
         # rclpy fixes the severity of each line of code that logs.
         if self._mode == 'fault':
-            log.error(followed_by(self._text, f'To recover: {self._way_out}'))
+            log.error(followed_by(self._text, f'To recover: {self._hint}'))
         elif self._mode == 'damping':
             log.warning(followed_by(self._text, _SINKS))
         elif self._mode in _WITH_REASON:
@@ -375,20 +377,21 @@ class ModeLog:
             log.info(self._text)
 
 
-# [s] In this time two publishers are looked up, so that the message can name them.
+# [s] for the look-up of several publishers of joint_command, which the log line then names.
 _REJECTION_PATIENCE = 0.5
 # [s] without a rejection for a reason, after which that reason is logged again.
 _QUIET = 1.0
 # [s] between two log lines with the same reason.
 _PERIOD = 10.0
-# [s] Controllers receive a new mode some commands later, so a rejection in between is normal.
-_ON_THE_WAY = 1.0
+# [s] after a change of mode, in which rejections are normal, because controllers receive the new
+# mode some commands later.
+_AFTER_CHANGE = 1.0
 # Rejection reasons that concern the publishers of commands.
 _OF_PUBLISHERS = ('source', 'not_allowed')
 
 
 class RejectionLog:
-    """Log a warning when rejections begin, at most one line per reason in 10 s.
+    """Log a warning when rejections of commands begin, at most one line per reason in 10 s.
 
     The cycle only stores the rejection; the executor's thread logs it.
 
@@ -397,7 +400,7 @@ class RejectionLog:
     node
         Owner of the log.
     publishers_warning
-        Returns the problem with the publishers of commands, or an empty text.
+        Returns a warning about the publishers of commands, or an empty text.
     """
 
     def __init__(self, node: Node, publishers_warning: Callable[[], str]) -> None:
@@ -414,13 +417,13 @@ class RejectionLog:
         )
 
     def update(self, intake: CommandIntake, mode: str, now: float) -> None:
-        """Store a rejection of the cycle at `now` [s]; called from the cycle's thread."""
+        """Store a rejection in the cycle at `now` [s]; called from the cycle's thread."""
         if mode != self._mode:
             self._mode, self._mode_since = mode, now
         if intake.last_rejection_time != now:
             return
         reason = intake.last_rejection
-        if reason == 'not_ready' and now - self._mode_since < _ON_THE_WAY:
+        if reason == 'not_ready' and now - self._mode_since < _AFTER_CHANGE:
             return
         silence = now - self._rejected_at.get(reason, -inf)
         self._rejected_at[reason] = now

@@ -1,4 +1,4 @@
-"""Parameters of the hardware bridge."""
+"""ROS parameters of the bridge, and their conversion to settings."""
 
 from __future__ import annotations
 
@@ -19,59 +19,94 @@ from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, R
 
 _DEFAULTS = BridgeSettings()
 AUTO = 'auto'
-"""Value of `state_file` with which the bridge selects the path."""
+"""Value of the parameter `state_file` that selects the default path."""
 
 # Name: (unit, description) of the settings that `BridgeSettings` accepts unchanged.
 _SETTINGS = {
-    'command_timeout': ('s', 'age of the last accepted command at which the bridge damps the arm'),
-    'stamp_age_max': ('s', 'largest age of the state that a command responds to'),
+    'command_timeout': (
+        's',
+        'age of the last accepted joint command above which the bridge damps the arm',
+    ),
+    'stamp_age_max': (
+        's',
+        'age of a joint state above which the bridge rejects a command that answers it',
+    ),
     'board_timeout': (
         's',
         'time without a valid frame after which a board switches its motors off',
     ),
-    'bad_frames_max': ('', 'number of consecutive bad frames of a board that causes a fault'),
+    'bad_frames_max': (
+        '',
+        'number of consecutive invalid frames from a board at which the bridge enters fault',
+    ),
     'lost_commands_max': (
         '',
-        'number of consecutive lost commands, to a board that still sends frames, that causes a '
-        'fault',
+        'number of consecutive commands that a board has not received, although it sends frames, '
+        'at which the bridge enters fault',
     ),
     'lost_commands_warning': (
         '',
-        'fraction of lost commands over the last second that causes a warning',
+        'fraction of commands that a board has not received during the last second, above which '
+        'the bridge warns',
     ),
-    'state_age_max': ('s', "longest time during which a board's data may stay unchanged"),
-    'exchange_time_max': ('s', 'duration above which an exchange counts as slow'),
-    'slow_exchanges_max': ('', 'number of consecutive slow exchanges that causes a fault'),
+    'state_age_max': (
+        's',
+        'time for which all data of a board may stay unchanged before the bridge enters fault',
+    ),
+    'exchange_time_max': (
+        's',
+        'duration above which an exchange of SPI frames with the boards counts as slow',
+    ),
+    'slow_exchanges_max': (
+        '',
+        'number of consecutive slow exchanges at which the bridge enters fault',
+    ),
     'connect_frames': (
         '',
-        ('number of consecutive good frames after which a board counts as connected'),
+        'number of consecutive valid frames after which a board counts as connected',
     ),
-    'alignment_timeout': ('s', "time limit for the alignment of a board's motors"),
+    'alignment_timeout': (
+        's',
+        'duration of the motor alignment above which the bridge enters fault',
+    ),
     'soft_zone': (
         'rad',
-        'distance from a position limit below which the bridge slows motion towards it',
+        'distance from a position limit below which the bridge slows a motion towards the limit',
     ),
     'position_tolerance': (
         'rad',
-        'distance beyond a position limit at which the bridge stops the arm',
+        'distance beyond a position limit above which the bridge enters fault',
     ),
-    'velocity_factor': ('', 'multiple of the velocity limits at which the bridge stops the arm'),
-    'effort_factor': ('', 'multiple of the effort limits at which the bridge stops the arm'),
+    'velocity_factor': (
+        '',
+        'measured or commanded joint speed above which the bridge enters fault, as a multiple of '
+        'the velocity limit',
+    ),
+    'effort_factor': (
+        '',
+        'commanded joint torque above which the bridge enters fault, as a multiple of the effort '
+        'limit',
+    ),
     'position_error_max': (
         'rad',
-        'distance of a position reference from the joint position at which the bridge stops the '
-        'arm',
+        'distance between position reference and joint position above which the bridge enters '
+        'fault',
     ),
-    'velocity_lag': ('s', "time constant of the boards' velocity low-pass"),
-    'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
+    'velocity_lag': ('s', "time constant of the low-pass filter in the boards' velocity estimate"),
+    'current_lag': (
+        's',
+        "time constant of the boards' current control, for the estimate of the mean torque",
+    ),
     'stall_time': (
         's',
-        'duration of standstill, under a torque that must move the joint, that causes a fault',
+        'time without motion of a joint, under a torque that must move it, above which the bridge '
+        'enters fault',
     ),
-    'ambient_temperature': ('degC', 'ambient temperature of the motors'),
+    'ambient_temperature': ('degC', 'temperature of the air around the motors, for thermal limits'),
     'start_temperature': (
         'degC',
-        'initial motor temperature of the thermal model; the ambient temperature for cold motors',
+        'motor temperature at the start, for thermal limits; equal to ambient_temperature if the '
+        'motors are cold',
     ),
 }
 
@@ -79,47 +114,63 @@ BRIDGE_PARAMETERS = (
     *ARM_FILES,
     DRONE_FILE,
     Parameter(
-        'period', _DEFAULTS.period, 'time between two cycles', 's', *BridgeSettings.BOUNDS['period']
+        'period',
+        _DEFAULTS.period,
+        "period of the bridge's cycle",
+        's',
+        *BridgeSettings.BOUNDS['period'],
     ),
     COMMISSIONING_PARAMETER,
-    Parameter('autostart', True, 'configure and activate on start, without a lifecycle manager'),
+    Parameter(
+        'autostart',
+        True,
+        'whether the bridge configures and activates itself at its start, without a lifecycle '
+        'manager',
+    ),
     *REAL_TIME_PARAMETERS,
     Parameter(
         'cpus',
         [],
-        'CPUs the process may run on; all if empty',
+        'numbers of the CPUs on which the process may run; all if empty',
         element=int,
         minimum=0,
         maximum=1023,
     ),
-    Parameter('freeze_gc', True, "switch off Python's cyclic garbage collector while active"),
+    Parameter(
+        'freeze_gc',
+        True,
+        "whether Python's cyclic garbage collector is off while the bridge is active",
+    ),
     Parameter(
         'allowed_publishers',
         [],
-        'names of the nodes that may publish joint_command; any if empty',
+        'names of the nodes whose joint_command the bridge accepts; all nodes if empty',
     ),
     Parameter(
-        'profile', '', 'frame profile of the boards, name or file; as in the configuration if empty'
+        'profile',
+        '',
+        'name or file of the board profile, which describes the frames; if empty, that of the '
+        'configuration',
     ),
     Parameter(
         'profile_scales',
         [],
-        'scales that differ from the profile, as QUANTITY=VALUE_OF_ONE_COUNT, for example '
-        'bus_voltage=0.001',
+        'scales that replace those of the board profile, each as QUANTITY=VALUE_OF_ONE_COUNT, for '
+        'example bus_voltage=0.001',
     ),
     Parameter(
         'state_file',
         AUTO,
-        'file that keeps the encoder zeros while the bridge restarts and the boards stay on; '
-        "none if empty. 'auto': aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state) with "
-        'real boards, none with emulated boards',
+        'file with the encoder zeros, for a restart of the bridge while the boards stay on; no '
+        "file if empty. 'auto' is aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state) with "
+        'real boards, and no file with emulated boards',
     ),
     *(
         Parameter(
             name,
             [],
-            f"{what} of the boards' control law (4.4), motor side, one value or one per joint; "
-            'as in the configuration if empty',
+            f"{what} of the boards' control law, thesis (4.4), on the motor side, one value or one "
+            'per joint; if empty, that of the configuration',
             unit,
             minimum=0.0,
             maximum=maximum,
@@ -129,11 +180,11 @@ BRIDGE_PARAMETERS = (
         )
         # The fields of a frame profile have smaller ranges, which are checked when they are set.
         for name, what, unit, maximum in (
-            ('board_kp', 'stiffness', 'A/rad', 100.0),
-            ('board_kd', 'damping (must be sufficient to slow a falling arm)', 'A s/rad', 10.0),
+            ('board_kp', 'position gain', 'A/rad', 100.0),
+            ('board_kd', 'velocity gain (must slow a falling arm)', 'A s/rad', 10.0),
             (
                 'board_ki',
-                'integral gain (only if the frame profile has this field)',
+                'integral gain (only if the board profile has this field)',
                 'A/(rad s)',
                 1000.0,
             ),
@@ -146,7 +197,7 @@ BRIDGE_PARAMETERS = (
             description,
             unit,
             *BridgeSettings.BOUNDS[name],
-            group='Limits for slowing, damping and stopping',
+            group='Limits at which the bridge slows, damps or stops the arm',
         )
         for name, (unit, description) in _SETTINGS.items()
     ),
@@ -154,12 +205,12 @@ BRIDGE_PARAMETERS = (
 
 
 def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
-    """Return the settings of the bridge's cycle from the node's parameters."""
+    """Convert the node's parameters to the settings of the bridge's cycle."""
     return BridgeSettings(**{name: getattr(values, name) for name in ('period', *_SETTINGS)})
 
 
 def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | None:
-    """Return the file in which a bridge stores the joints' zeros, or None without such a file.
+    """Return the path of the file in which the bridge stores the encoder zeros, or None.
 
     Raises ValueError if the user has no home directory for the file.
     """
@@ -171,13 +222,14 @@ def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | Non
         folder = os.environ.get('XDG_STATE_HOME') or Path.home() / '.local' / 'state'
     except RuntimeError:
         raise ValueError(
-            'no home directory for the encoder zeros: set state_file, or XDG_STATE_HOME'
+            'this user has no home directory for the file with the encoder zeros: set the '
+            'parameter state_file, or the environment variable XDG_STATE_HOME'
         ) from None
     return Path(folder) / 'aerarm_ros' / f'{node.strip("/").replace("/", ".")}.json'
 
 
 def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
-    """Return the layout of the boards' frames; raises ProfileError."""
+    """Load the board profile of the parameters, or raise ProfileError if it is invalid."""
     profile = load_profile(values.profile or config.profile)
     for entry in values.profile_scales:
         name, _, lsb = entry.partition('=')
@@ -187,7 +239,7 @@ def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
             raise ProfileError(f'parameter profile_scales: {error}') from None
         except ValueError:
             raise ProfileError(
-                f'{entry!r} in parameter profile_scales must have the form QUANTITY=NUMBER'
+                f'{entry!r} in parameter profile_scales is invalid: use the form QUANTITY=NUMBER'
             ) from None
     return profile
 
@@ -195,7 +247,7 @@ def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
 def board_gains(
     values: Mapping[str, Any], config: ArmConfig
 ) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
-    """Return kp, kd and integral gain from the parameters, with defaults for empty ones."""
+    """Return the boards' gains kp, kd and ki: from the parameters, or else the configuration."""
     return (
         values['board_kp'] or config.column('board_kp'),
         values['board_kd'] or config.column('board_kd'),

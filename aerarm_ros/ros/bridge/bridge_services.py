@@ -1,4 +1,4 @@
-"""Services of the bridge with which a person or a node enables and stops the arm."""
+"""Services of the bridge that enable, home, hold and stop the arm."""
 
 from __future__ import annotations
 
@@ -20,11 +20,14 @@ _ANSWER_TIMEOUT = 1.0  # [s]
 
 
 class NotActiveError(RuntimeError):
-    """No cycle is running: the bridge has not been activated, or it is ending."""
+    """The bridge's cycle is not running, because the bridge is not active yet or is ending."""
 
 
 class CycleRequests:
-    """Queue of actions that run between two cycles, so that they need no lock."""
+    """Queue of requested actions that run between two cycles of the bridge.
+
+    The cycle's thread runs them, so they need no lock.
+    """
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[Action, Future[Answer]]] = deque()
@@ -32,7 +35,7 @@ class CycleRequests:
         self._closed.set()
 
     def ask(self, action: Action, insist: bool = False) -> Answer:
-        """Run an action in the cycle's thread and return its answer.
+        """Let the cycle's thread run an action, and return its answer.
 
         After a time-out the action does not run, because its client has already received an error.
         With `insist` the action runs late, which is safer for a stop of the arm.
@@ -40,7 +43,7 @@ class CycleRequests:
         Raises
         ------
         NotActiveError
-            If no cycle is running.
+            If the bridge's cycle is not running.
         TimeoutError
             If the action does not run within one second.
         """
@@ -55,12 +58,12 @@ class CycleRequests:
             raise
 
     def post(self, action: Action) -> None:
-        """Queue an action for the cycle's thread, if a cycle is running."""
+        """Queue an action for the cycle's thread without waiting, if the cycle is running."""
         if self.is_open:
             self._put(action)
 
     def serve(self, cycle: BridgeCycle) -> None:
-        """Run the queued actions and pass their exceptions to the callers."""
+        """Run the queued actions; called from the cycle's thread."""
         while self._waiting:
             action, answer = self._waiting.popleft()
             if not answer.set_running_or_notify_cancel():
@@ -71,26 +74,26 @@ class CycleRequests:
                 answer.set_exception(error)
 
     def open(self) -> None:
-        """Accept requests from now on, because a cycle runs."""
+        """Accept requests from now on, because the cycle is running."""
         self._waiting.clear()
         self._closed.clear()
 
     def close(self) -> None:
-        """Reject requests from now on, because the last cycle has run."""
+        """Reject requests from now on, because the cycle has ended."""
         self._closed.set()
 
     def wait_closed(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s]; return whether the last cycle has ended."""
+        """Wait up to `timeout` [s] for the end of the cycle; return whether it has ended."""
         return self._closed.wait(timeout)
 
     @property
     def is_open(self) -> bool:
-        """Whether a cycle is running."""
+        """Whether the bridge's cycle is running."""
         return not self._closed.is_set()
 
     @property
     def are_waiting(self) -> bool:
-        """Whether actions wait for the cycle's thread."""
+        """Whether actions are queued for the cycle's thread."""
         return bool(self._waiting)
 
     def _put(self, action: Action) -> Future[Answer]:
@@ -100,16 +103,16 @@ class CycleRequests:
 
 
 class BridgeServices:
-    """One `std_srvs/Trigger` service per action: `~/enable`, `~/disable` and so on.
+    """Offer one `std_srvs/Trigger` service per action of the bridge, such as `~/enable`.
 
     Parameters
     ----------
     node
         Owner of the services.
     ask
-        Runs an action in the cycle's thread, like `CycleRequests.ask`.
+        Runs an action in the cycle's thread, as `CycleRequests.ask` does.
     actions
-        The actions, by name.
+        Actions by name of the service.
     """
 
     def __init__(
@@ -120,18 +123,17 @@ class BridgeServices:
         for name, action in actions.items():
             node.create_service(Trigger, f'~/{name}', self._handler(name, action))
 
-    def _twin(self) -> str:
-        """Return a recovery hint if another node has the bridge's name, else an empty text.
+    def _same_name_problem(self) -> str:
+        """Return a message if another node has the name of this bridge, else an empty text.
 
-        If two nodes share the name, a request reaches both, and the client accepts the first
-        answer.
+        Such a request reaches both nodes, and the client receives the first answer only.
         """
         name, namespace = self._node.get_name(), self._node.get_namespace()
         if self._node.get_node_names_and_namespaces().count((name, namespace)) < 2:
             return ''
         return (
             f'two nodes have the name {self._node.get_fully_qualified_name()}: end one of them, '
-            'or start it with -r __node:=NAME. ROS lists a killed node for some more seconds'
+            'or start it with -r __node:=NAME. If you have just killed one, wait some seconds'
         )
 
     def _handler(
@@ -140,8 +142,8 @@ class BridgeServices:
         def handle(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             log = self._node.get_logger()
             try:
-                if name not in STOPS and (twin := self._twin()):
-                    raise ValueError(twin)
+                if name not in STOPS and (problem := self._same_name_problem()):
+                    raise ValueError(problem)
                 answer = self._ask(action, name in STOPS)
             except NotActiveError as error:
                 # A controller that ends together with the bridge also calls this service, so do
@@ -154,8 +156,8 @@ class BridgeServices:
             except TimeoutError:
                 answer = Answer(
                     False,
-                    'the control cycle did not respond: check the log of the bridge, or '
-                    'the page of view',
+                    f"the bridge's cycle did not respond within {_ANSWER_TIMEOUT:g} s: check the "
+                    'log of the bridge',
                 )
             response.success, response.message = answer.accepted, answer.message
             # rclpy fixes the severity of each line of code that logs.

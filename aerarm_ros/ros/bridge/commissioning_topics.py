@@ -1,4 +1,4 @@
-"""Commissioning topics of the bridge, and warnings about the commissioning record."""
+"""Commissioning topics of the bridge, and its use of the commissioning record."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ from aerarm_ros.hardware.bridge_modes import Action, Answer
 from aerarm_ros.ros.parameters.parameter import Parameter
 
 AUTO = 'auto'
-# The mode is that of the last cycle, so a client that has ended no longer drives the motors.
+# Modes in which the motors are off once a commissioning client has ended.
 _MOTORS_OFF = (*OFF_MODES, 'commissioning')
 COMMISSIONING_PARAMETER = Parameter(
     'commissioning_record',
     AUTO,
-    "record of 'arm commission'. 'auto': CONFIG.commissioning.yaml next to the configuration. If "
-    'empty: no record and no warning',
+    "file with the record of 'arm commission'. 'auto' is CONFIG.commissioning.yaml next to the "
+    'configuration file. If empty, the bridge uses no record and does not warn',
 )
 
 
 class RecordWatch:
-    """Contents and problems of an arm's commissioning record.
+    """Read the arm's commissioning record, and warn if the arm counts as not commissioned.
 
     Parameters
     ----------
     node
-        Node that logs the problem, once.
+        Node that logs each problem once.
     values
-        The node's parameters.
+        Parameters of the node.
     config
-        The arm, with the joint names of its topics.
+        Configuration of the arm, with the joint names of its topics.
     emulated
         Whether the boards are emulated.
 
@@ -73,11 +73,11 @@ class RecordWatch:
 
     @property
     def pulse_offset(self) -> NDArray[np.float64]:
-        """Motor angles of the index pulses (n,) [rad], zero where the record has none."""
+        """Recorded motor angles of the index pulses (n,) [rad], zero for joints without record."""
         return self._record.pulse_offset(self._config)
 
     def look(self) -> None:
-        """Read the record, and log a new problem."""
+        """Read the commissioning record again, and log why it is invalid if that has changed."""
         if self._path is None:
             return
         before, self.problem = self.problem, self._read(self._path)
@@ -99,16 +99,16 @@ class RecordWatch:
 
 
 class CommissioningTopics:
-    """Answer commissioning requests, which the cycle's thread carries out.
+    """Pass commissioning requests to the cycle's thread, and publish the reports.
 
     Parameters
     ----------
     node
         Owner of publisher and subscription.
     ask
-        Runs an action in the cycle's thread, like `CycleRequests.ask`.
+        Runs an action in the cycle's thread, as `CycleRequests.ask` does.
     record
-        Record that is read again after a client has ended.
+        Commissioning record, which is read again once a client has ended.
     """
 
     def __init__(self, node: Node, ask: Callable[[Action], Answer], record: RecordWatch) -> None:
@@ -148,7 +148,7 @@ class CommissioningTopics:
         self._publisher.publish(String(data=report.text()))
 
     def _use_record(self) -> None:
-        """Read the record again, and use it for homing from now on."""
+        """Read the commissioning record again, and use it for homing from now on."""
         self._record.look()
         offset = self._record.pulse_offset
 

@@ -1,4 +1,4 @@
-"""Bridge between the boards and ROS: exchange one SPI frame with every board per millisecond."""
+"""Node of the bridge, which connects the motor boards with ROS at 1 kHz."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ if TYPE_CHECKING:  # for type checkers only
 
 
 class RobotDescription:
-    """Publish a URDF once, latched for later subscribers.
+    """Publish the URDF once on `robot_description`, latched for later subscribers.
 
     Parameters
     ----------
     node
         Owner of the publisher.
     urdf_text
-        Text of the URDF, for example `Robot.urdf_text`.
+        Text of the URDF.
     """
 
     def __init__(self, node: Node, urdf_text: str) -> None:
@@ -75,14 +75,15 @@ class RobotDescription:
         self._publisher.publish(String(data=urdf_text))
 
     def destroy(self) -> None:
-        """Destroy the publisher; later subscribers receive nothing."""
+        """Destroy the publisher, so that later subscribers receive no URDF."""
         self._node.destroy_publisher(self._publisher)
 
 
 def answer_invalid_transitions(node: LifecycleNode) -> None:
-    """Let a managed node reject invalid transitions and log the valid ones.
+    """Patch a managed node so that it answers requests for invalid lifecycle transitions.
 
-    rclpy (7.1) raises an exception instead, so the client never receives an answer.
+    rclpy (7.1) raises an exception instead, so the client never receives an answer. The patched
+    node rejects the request and logs the valid transitions.
     """
     service = node._service_change_state
     change = service.callback
@@ -96,7 +97,7 @@ def answer_invalid_transitions(node: LifecycleNode) -> None:
             labels = [label for _, label, *_ in machine.available_transitions]
             wanted = request.transition.label or f'number {request.transition.id}'
             node.get_logger().warning(
-                f'transition {wanted} is impossible in state {state}: choose one of '
+                f'lifecycle transition {wanted} is impossible in state {state}: choose one of '
                 f'{", ".join(labels)}'
             )
             response.success = False
@@ -108,32 +109,32 @@ def answer_invalid_transitions(node: LifecycleNode) -> None:
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 # [s] Long enough for the last frames of a cycle, short enough for a lifecycle client.
 _LOOP_END_TIMEOUT = 2.0
-# Cycles in which boards may be undetected; a stop request in that time waits as well.
+# Number of cycles in which boards may be undetected; requests wait during that time.
 _UNKNOWN_MAX = 50
 # The arm's mode while no cycle runs; `bridge_modes.MODES` lists the others.
 INACTIVE = 'inactive'
-# Modes in which no motion depends on the states' stamps.
+# Modes in which no motion depends on the stamps of the joint states.
 _MOTORS_OFF = (INACTIVE, 'disconnected', 'idle', 'unhomed')
 PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS)
 _GAINS = {'board_kp', 'board_kd', 'board_ki'}
 
 
 class World:
-    """Boards, clock and cycle loop of a real arm.
+    """Boards, clock and loop of a bridge with a real arm.
 
-    `aerarm_ros/ros/emulation` derives the emulated world from this class. The bridge itself
-    therefore does not depend on emulated boards and simulation time.
+    The package `aerarm_ros.ros.emulation` derives those of an emulated arm from this class. The
+    bridge therefore does not import emulated boards and simulation time.
 
     Attributes
     ----------
     emulated
-        Whether the boards are emulated, so that commands can repair them.
+        Whether the boards are emulated.
     parameters
         Parameters of the bridge.
     clock
-        Clock of the states' stamps.
+        Clock for the stamps of the joint states.
     live
-        Action that the cycle runs after a change of a live parameter, by parameter name.
+        Actions by name of a live parameter; the cycle runs them after a change of the parameter.
     """
 
     emulated = False
@@ -145,67 +146,70 @@ class World:
         self.clock = SteadyClock()
 
     def load_arm(self) -> tuple[ArmConfig, Robot]:
-        """Return the arm's configuration and model; raises ValueError."""
+        """Load configuration and model of the arm, or raise ValueError."""
         return load_arm(self.bridge.values)
 
     def make_transport(self, config: ArmConfig, robot: Robot, profile: FrameProfile) -> Transport:
-        """Return the transport to the boards; raises ValueError or OSError."""
+        """Return the connection to the boards, or raise ValueError or OSError."""
         if config.emulated_only:
             raise ValueError(
                 f'the configuration of {config.name} is for emulated boards only: measure the '
-                'values that are marked as guesses, then remove the line emulated_only'
+                'values that the file marks as guesses, then remove its line emulated_only'
             )
         return SpidevTransport(config)
 
     def make_loop(self) -> PeriodicLoop:
-        """Return the loop that runs the cycles."""
+        """Return the loop that calls the bridge's cycle periodically."""
         return PeriodicLoop(self.bridge.values.period)
 
     def now_ns(self) -> int:
-        """Return the time for stamps [ns since the epoch]."""
+        """Return the present time for stamps of joint states [ns since the epoch]."""
         return self.clock.now_ns()
 
     def newest_command(self) -> Command | None:
-        """Return the newest joint_command since the last call; raises ValueError."""
+        """Return the newest joint command since the last call, None if there is none.
+
+        Raises ValueError if the command cannot be decoded.
+        """
         return self.bridge.streams.newest_command()
 
     def end_cycle(self, now: float, stamp_ns: int) -> None:
-        """Do slow work after a cycle that began at `now` [s] and published a state."""
+        """Do nothing; an emulated arm uses this call after each cycle for its simulation."""
 
     def actions(self) -> Mapping[str, Action]:
-        """Return the actions of services that this world adds or replaces."""
+        """Return additional services as actions by name; none for a real arm."""
         return {}
 
     def statuses(self) -> Sequence[Status]:
-        """Return further statuses for /diagnostics."""
+        """Return additional statuses for /diagnostics; none for a real arm."""
         return ()
 
     def parameter_problem(self, changes: Mapping[str, Any]) -> str:
-        """Return why live parameters are invalid, or ''; see `ParameterTable.declare`."""
+        """Return why the node must reject new values of live parameters, or an empty text."""
         return ''
 
     def clean_up(self) -> None:
-        """Drop all objects that belong to the transport; configuring creates another transport."""
+        """Destroy objects that `make_transport` or `make_loop` created; none for a real arm."""
 
 
 class HardwareBridge(LifecycleNode):
-    """Managed node around a `BridgeCycle`.
+    """Managed (lifecycle) node that runs the bridge's cycle.
 
-    Configuring opens the buses, activating starts the cycle, deactivating switches the motor
-    currents off. The cycle runs in the thread that calls `run`, all other work in the executor's
-    thread. The threads share only the queue of requests and finished results.
+    Configuring opens the SPI buses, activating starts the cycle, deactivating switches the motors
+    off. The cycle runs in the thread that calls `run`, all other work in the executor's thread. The
+    threads share only the queue of requests and finished results.
 
     Parameters
     ----------
     name
         Node name.
     world
-        Boards and clock of the arm; the real world by default.
+        Boards and clock of the arm, by default those of a real arm.
 
     Raises
     ------
     ParameterError
-        If a parameter's value cannot be used.
+        If a parameter has an invalid value.
     """
 
     def __init__(self, name: str = 'hardware_bridge', world: World | None = None) -> None:
@@ -238,7 +242,7 @@ class HardwareBridge(LifecycleNode):
     # Lifecycle, in the executor's thread.
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the configuration, open the buses and test the connections."""
+        """Read the arm's configuration, open the SPI buses and test the connections."""
         try:
             config, robot = self.world.load_arm()
             drone = load_drone(self.values, config, robot)
@@ -280,12 +284,12 @@ class HardwareBridge(LifecycleNode):
         self._command_publishers = CommandPublishers(self.values.allowed_publishers)
         self.streams = BridgeStreams(self, config.joint_names)
         self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
-        self._rivals = DuplicatePublisherWatch(self, topics.JOINT_STATES)
+        self._duplicates = DuplicatePublisherWatch(self, topics.JOINT_STATES)
         self._description = RobotDescription(self, urdf)
         return SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Start the cycle; the motors stay off until the enable service is called."""
+        """Start the cycle; the motors stay off until a client calls the service `enable`."""
         assert self.cycle is not None
         self._set_gains(self.cycle)
         self._loop = self.world.make_loop()
@@ -297,7 +301,7 @@ class HardwareBridge(LifecycleNode):
                 self._timing,
                 self._command_publishers,
                 self._watch,
-                self._rivals,
+                self._duplicates,
                 self._zero_file,
                 self.world.emulated,
                 self._record,
@@ -317,11 +321,11 @@ class HardwareBridge(LifecycleNode):
         return SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Close the buses."""
+        """Close the SPI buses."""
         self.world.clean_up()
         self._commissioning.destroy()
         self._watch.destroy()
-        self._rivals.destroy()
+        self._duplicates.destroy()
         self.streams.destroy()
         self._description.destroy()
         self._transport.close()
@@ -330,12 +334,12 @@ class HardwareBridge(LifecycleNode):
         return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop the cycle permanently."""
+        """End the cycle and the method `run`."""
         self.stop()
         return SUCCESS
 
     def _try_wires(self, profile: FrameProfile) -> None:
-        """Log the link quality of each board; a board may still be without supply."""
+        """Test the connection to each real board, and log the result."""
         if not isinstance(self._transport, SpidevTransport):
             return
         for answer in self_test(self._transport, self.config, profile):
@@ -364,7 +368,7 @@ class HardwareBridge(LifecycleNode):
         answer = cycle.clear_fault()
         if answer.accepted:
             return answer
-        # The hint depends on the present state, because a damped arm sinks after the fault.
+        # The hint depends on the present joint state, because a damped arm sinks after the fault.
         recovery_hint = f'To recover: {cycle.recovery_hint(self.world.emulated)}'
         return Answer(False, followed_by(answer.message, recovery_hint))
 
@@ -375,7 +379,7 @@ class HardwareBridge(LifecycleNode):
     # The cycle, in the main thread.
 
     def run(self) -> None:
-        """Run until a stop signal or `stop`; raises OSError if an automatic start fails."""
+        """Run until a stop signal or `stop`, or raise OSError if an automatic start fails."""
         with (
             StopSignals(self.stop, stays_awake=True),
             PortWatch(),
@@ -383,8 +387,8 @@ class HardwareBridge(LifecycleNode):
         ):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)
-            # A client may call a service as soon as it is visible, so a bridge that starts
-            # automatically has started by now.
+            # A client may call a service as soon as it is visible, so create services after an
+            # automatic start.
             actions = {**ACTIONS, 'clear_fault': self._clear_fault, **self.world.actions()}
             BridgeServices(self, self.requests.ask, actions)
             prepare_thread(self.values, self.get_logger())
@@ -408,7 +412,7 @@ class HardwareBridge(LifecycleNode):
             self._work.clear()
             if self.requests.is_open:
                 self._run_loop()
-        self.requests.close()  # also of a cycle that was about to begin
+        self.requests.close()  # `on_activate` may just have opened it again
 
     def _run_loop(self) -> None:
         loop, cycle, timing = self._loop, self.cycle, self._timing
@@ -423,14 +427,14 @@ class HardwareBridge(LifecycleNode):
             self.requests.close()
 
     def stop(self) -> None:
-        """End `run` after the present cycle; callable from any thread or signal handler."""
+        """End `run` after the present cycle; any thread or signal handler may call this."""
         self._stopping = True
         if self._loop is not None:
             self._loop.stop()
         self._work.set()
 
     def _run_cycle(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
-        if self.requests.are_waiting and self._knows_boards(cycle):
+        if self.requests.are_waiting and self._has_found_boards(cycle):
             self.requests.serve(cycle)
         self._take_command(cycle, timing, now)
         cycle.update(now)
@@ -449,18 +453,18 @@ class HardwareBridge(LifecycleNode):
         self.report()
         self._slack.begin()
 
-    def _knows_boards(self, cycle: BridgeCycle) -> bool:
-        """Return whether every board has answered or timed out; no board can be enabled before."""
+    def _has_found_boards(self, cycle: BridgeCycle) -> bool:
+        """Return whether every board has answered or timed out; requests wait until then."""
         needed = self.values.connect_frames + self.values.bad_frames_max
         return cycle.mode != 'disconnected' or cycle.cycles > min(needed, _UNKNOWN_MAX)
 
     def report(self) -> None:
-        """Check for other nodes and build a part of the diagnostics; called once per cycle."""
+        """Check for other publishers and build a part of the diagnostics, once per cycle."""
         self._watch.poll()
-        self._rivals.poll()
+        self._duplicates.poll()
         if self.cycle is not None and (news := self.cycle.heat.news):
             self._mode_log.warn(news.pop(0))
-        # Diagnostics are for people, so they use the computer's clock.
+        # Diagnostics are published once per second of real time, also in a slow simulation.
         self._diagnostics.step(time.monotonic())
 
     def _take_command(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
@@ -497,14 +501,14 @@ class HardwareBridge(LifecycleNode):
 # Joint names and content of a joint command, and the publisher's GID (None if unknown).
 Command = tuple[Sequence[str], JointSample, bytes | None]
 
-# The cycle itself reads a command with other joints or another order. A message that is longer
-# than any command would take too long.
+# The cycle's thread decodes a command with other joints or another order. Decoding a longer message
+# would take too long.
 _LONGEST = 1024  # [bytes]
 _LONGEST_PER_JOINT = 128
 
 
 class BridgeStreams:
-    """Publish states and receive commands without building message objects.
+    """Publish joint and motor states and receive joint commands, as serialized messages.
 
     Parameters
     ----------
@@ -528,12 +532,12 @@ class BridgeStreams:
     def publish(
         self, stamp_ns: int, joints: Sequence[Array], motors: Sequence[Array], power: Array
     ) -> None:
-        """Publish the states of one cycle.
+        """Publish joint states, motor states and motor power of one cycle.
 
         Parameters
         ----------
         stamp_ns
-            System time at which the frames were read [ns].
+            Time at which the frames were read [ns since the epoch].
         joints
             Position [rad], velocity [rad/s], effort [Nm], (n,) each.
         motors
@@ -546,13 +550,13 @@ class BridgeStreams:
         self._motor_power.publish(self._power_cdr.pack(power))
 
     def publish_joints(self, stamp_ns: int, joints: Sequence[Array]) -> None:
-        """Publish only joint_states; for the parameters see `publish`."""
+        """Publish `joint_states` only; the parameters are those of `publish`."""
         self._joint_states.publish(self._cdr.pack(stamp_ns, *joints))
 
     def newest_command(self) -> Command | None:
-        """Return names, content and publisher of the newest joint command, or None.
+        """Return the newest joint command since the last call, or None.
 
-        Raises ValueError if the message cannot be read.
+        Raises ValueError if the message cannot be decoded.
         """
         message = self.commands.take_newest()
         if message is None:
@@ -564,8 +568,8 @@ class BridgeStreams:
             return self._names, sample, publisher
         if len(payload) > _LONGEST + _LONGEST_PER_JOINT * len(self._names):
             raise ValueError(
-                f'joint_command rejected, because its {len(payload)} bytes do not fit '
-                'this arm: check config and tf_prefix of its publisher'
+                f'rejected a joint_command, because {len(payload)} bytes are too long for this '
+                'arm: check config and tf_prefix of its publisher'
             )
         return (*decode_as_sent(payload), publisher)
 

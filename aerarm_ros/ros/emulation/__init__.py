@@ -1,6 +1,6 @@
-"""The bridge on emulated boards, with their simulation time and the emulated drone.
+"""Emulated arm and drone of the node `fake_hardware`, and their simulation time.
 
-`EmulatedArm` replaces the boards and the clock of a bridge. Its inputs are the bridge's parameters,
-the speed of simulation time, and the rotor commands of a drone. The emulated boards are in
-`hardware.emulation`.
+`EmulatedArm` replaces the boards and the clock of a bridge by emulated boards (package
+`hardware.emulation`), a physics simulation and its time. A drone in the simulation receives rotor
+commands.
 """

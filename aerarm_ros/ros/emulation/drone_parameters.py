@@ -1,4 +1,4 @@
-"""Parameters of an emulated drone, and the emulated sensors that they describe."""
+"""Parameters of the emulated drone, and the sensors, wind and wall that they describe."""
 
 from __future__ import annotations
 
@@ -34,19 +34,32 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'rotor_timeout',
         0.2,
-        'age of the last rotor_command, in simulated time, at which the rotors stop',
+        'age of the newest rotor_command, in simulation time, above which the rotors stop',
         's',
         0.005,
         10.0,
     ),
     Parameter(
-        'imu_rate', 250.0, 'sampling rate of the IMU of the moving base or drone', 'Hz', 1, 1000
+        'imu_rate',
+        250.0,
+        "sampling rate of the emulated IMU on the drone or on the arm's moving base",
+        'Hz',
+        1,
+        1000,
     ),
-    Parameter('imu_delay', 0.0, 'age of an IMU sample when the node publishes it', 's', 0.0, 0.5),
+    Parameter(
+        'imu_delay',
+        0.0,
+        'delay from the sampling of the emulated IMU to the publication of the sample',
+        's',
+        0.0,
+        0.5,
+    ),
     Parameter(
         'imu_noise',
         [0.0, 0.0],
-        'noise of the IMU: standard deviation of specific force and angular velocity',
+        'noise of the emulated IMU: standard deviations for specific force and for angular '
+        'velocity',
         'm/s^2, rad/s',
         0.0,
         10.0,
@@ -54,8 +67,8 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'imu_bias',
         [0.0, 0.0],
-        "bias of the IMU's axes: standard deviation of specific force and angular velocity, drawn "
-        'with the seed',
+        'standard deviations of the random constant bias of the emulated IMU, per axis: for '
+        'specific force and for angular velocity',
         'm/s^2, rad/s',
         0.0,
         10.0,
@@ -63,18 +76,28 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'imu_attitude_error',
         0.0,
-        "standard deviation of the IMU's attitude error, which varies within about 10 s",
+        "standard deviation of the emulated IMU's attitude error, which has a correlation time of "
+        'about 10 s',
         'rad',
         0.0,
         1.0,
     ),
-    Parameter('odometry_rate', 250.0, 'publishing rate of odometry', 'Hz', 1, 1000),
-    Parameter('odometry_delay', 0.0, 'age of odometry when the node publishes it', 's', 0.0, 0.5),
+    Parameter(
+        'odometry_rate', 250.0, "publishing rate of the emulated drone's odometry", 'Hz', 1, 1000
+    ),
+    Parameter(
+        'odometry_delay',
+        0.0,
+        "delay from the measurement of the emulated drone's odometry to its publication",
+        's',
+        0.0,
+        0.5,
+    ),
     Parameter(
         'odometry_noise',
         [0.0, 0.0, 0.0, 0.0],
-        'noise of odometry: standard deviation of position, velocity, attitude and angular '
-        'velocity',
+        "noise of the emulated drone's odometry: standard deviations of position, velocity, "
+        'attitude and angular velocity',
         'm, m/s, rad, rad/s',
         0.0,
         10.0,
@@ -82,8 +105,8 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'external_odometry_rate',
         0.0,
-        'publishing rate of external_odometry, for example of a camera or motion capture; 0 for '
-        'none',
+        'publishing rate of external_odometry, which stands for a camera or motion capture that '
+        'observes the drone; 0 for none',
         'Hz',
         0.0,
         1000.0,
@@ -91,7 +114,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'external_odometry_delay',
         0.0,
-        'age of external_odometry when the node publishes it',
+        'delay from the measurement of external_odometry to its publication',
         's',
         0.0,
         0.5,
@@ -99,7 +122,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'external_odometry_noise',
         [0.0, 0.0, 0.0, 0.0],
-        'noise of external_odometry: standard deviation of position, velocity, attitude and '
+        'noise of external_odometry: standard deviations of position, velocity, attitude and '
         'angular velocity',
         'm, m/s, rad, rad/s',
         0.0,
@@ -108,16 +131,17 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'gust_force',
         0.0,
-        'standard deviation of the wind force on the drone, per axis',
+        'standard deviation of the random wind force on the drone, per axis',
         'N',
         0.0,
         1e3,
     ),
-    Parameter('gust_time', 1.0, 'correlation time of the wind force', 's', 0.01, 100.0),
+    Parameter('gust_time', 1.0, 'correlation time of the random wind force', 's', 0.01, 100.0),
     Parameter(
         'gust_cutoff',
         0.0,
-        'bandwidth of a second-order wind spectrum, used instead of gust_time; 0 for gust_time',
+        'bandwidth of a second-order spectrum of the wind force, which replaces gust_time; 0 to '
+        'use gust_time',
         'Hz',
         0.0,
         100.0,
@@ -125,8 +149,8 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'contact_force',
         [],
-        'force on the drone or its arm: x, y, z in world axes, at the origin of contact_link; '
-        'none if empty',
+        'external force on the drone or its arm: x, y, z in world axes, at the origin of '
+        'contact_link; no force if empty',
         'N',
         -1000.0,
         1000.0,
@@ -136,26 +160,27 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'contact_link',
         '',
-        "link of the URDF that contact_force acts on, for example tool0; the drone's body if empty",
+        'link of the URDF on which contact_force acts, for example tool0; if empty, the force acts '
+        "on the drone's body",
         live=True,
     ),
     Parameter(
         'wall',
         [],
-        'compliant wall that tool0 can touch: x, y, z of a point and x, y, z of the direction into '
-        'the wall, in the world; none if empty',
+        'compliant wall that the link tool0 can touch: x, y, z of a point on the wall and x, y, z '
+        'of the direction into the wall, in world axes; no wall if empty',
         'm',
         -1000.0,
         1000.0,
         element=float,
     ),
-    Parameter('wall_stiffness', 1e4, 'stiffness of the wall', 'N/m', 1.0, 1e5),
-    Parameter('wall_damping', 10.0, 'damping of the wall', 'Ns/m', 0.0, 1000.0),
+    Parameter('wall_stiffness', 1e4, 'contact stiffness of the compliant wall', 'N/m', 1.0, 1e5),
+    Parameter('wall_damping', 10.0, 'contact damping of the compliant wall', 'Ns/m', 0.0, 1000.0),
     Parameter('wall_friction', 0.3, 'coefficient of friction between tool and wall', '', 0.0, 2.0),
     Parameter(
         'wall_yields_after',
         0.0,
-        'time from the first touch until the wall moves away; 0 for never',
+        'time from the first contact until the wall moves away from the tool; 0 for never',
         's',
         0.0,
         1e4,
@@ -163,7 +188,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'wall_yield_speed',
         0.0,
-        'speed at which the wall moves away; 0 for a wall that disappears',
+        'speed at which the wall moves away from the tool; 0 for a wall that disappears at once',
         'm/s',
         0.0,
         100.0,
@@ -172,7 +197,7 @@ DRONE_PARAMETERS = grouped(
 
 
 def imu(values: SimpleNamespace, plant: FreeBasePlant) -> DelayedSensor[ImuReading]:
-    """Return the IMU of a simulated base; raises ValueError for a list of a wrong length."""
+    """Return the emulated IMU of the parameters, or raise ValueError for invalid parameters."""
     noise, bias = _numbers(values, 'imu_noise', 2), _numbers(values, 'imu_bias', 2)
     errors = ImuErrors(noise[0], noise[1], bias[0], bias[1], values.imu_attitude_error)
     faulty = FaultyImu(errors, 1.0 / values.imu_rate, _seed(values, _IMU_SEED))
@@ -182,7 +207,7 @@ def imu(values: SimpleNamespace, plant: FreeBasePlant) -> DelayedSensor[ImuReadi
 
 
 def odometry(values: SimpleNamespace, plant: FlyingPlant) -> DelayedSensor[OdometryReading]:
-    """Return the odometry of a drone; raises ValueError for a list of a wrong length."""
+    """Return the drone's odometry sensor, or raise ValueError for invalid parameters."""
     errors = OdometryErrors(*_numbers(values, 'odometry_noise', 4))
     noisy = NoisyOdometry(errors, _seed(values, _ODOMETRY_SEED))
     return DelayedSensor(
@@ -196,7 +221,7 @@ def odometry(values: SimpleNamespace, plant: FlyingPlant) -> DelayedSensor[Odome
 def other_odometry(
     values: SimpleNamespace, plant: FlyingPlant
 ) -> list[tuple[Topic, DelayedSensor[OdometryReading]]]:
-    """Return the topics and sensors of the true and, if used, the external odometry."""
+    """Return topic and sensor of the true odometry and, if used, of the external odometry."""
     true = DelayedSensor(lambda: plant.odometry, _TRUE_RATE, values.period)
     found = [(topics.TRUE_ODOMETRY, true)]
     if values.external_odometry_rate:
@@ -213,7 +238,7 @@ def other_odometry(
 
 
 def gust(values: SimpleNamespace) -> RandomDrift | BandLimitedNoise | None:
-    """Return the wind disturbance, or None without wind."""
+    """Return the random wind force of the parameters, or None without wind."""
     if values.gust_force == 0.0:
         return None
     random = np.random.default_rng(_seed(values, _GUST_SEED))
@@ -223,14 +248,14 @@ def gust(values: SimpleNamespace) -> RandomDrift | BandLimitedNoise | None:
 
 
 def contact(values: SimpleNamespace, plant: FlyingPlant) -> tuple[list[float], str]:
-    """Return force [N] and link of the contact; raises ValueError for an invalid contact."""
+    """Return force [N] and link of the contact, or raise ValueError for invalid parameters."""
     force = _numbers(values, 'contact_force', 3) if values.contact_force else [0.0, 0.0, 0.0]
     plant.place_on(values.contact_link)
     return force, values.contact_link
 
 
 def wall(values: SimpleNamespace) -> Wall | None:
-    """Return the wall, None without one; raises ValueError for an invalid wall."""
+    """Return the wall of the parameters or None, or raise ValueError for invalid parameters."""
     if not values.wall:
         return None
     place = _numbers(values, 'wall', 6)
@@ -251,7 +276,8 @@ def _numbers(values: SimpleNamespace, name: str, count: int) -> list[float]:
     numbers: list[float] = list(getattr(values, name))
     if len(numbers) != count:
         raise ValueError(
-            f'{name} has {len(numbers)} numbers instead of {count}: see its description'
+            f'the parameter {name} has {len(numbers)} numbers instead of {count}: see its '
+            'description in --help'
         )
     return numbers
 

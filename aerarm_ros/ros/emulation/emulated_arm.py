@@ -1,4 +1,4 @@
-"""World of a bridge on emulated boards: only the SPI bus and the arm are emulated."""
+"""Emulated boards and simulated arm of the node `fake_hardware`."""
 
 from __future__ import annotations
 
@@ -57,21 +57,21 @@ PARAMETERS = ParameterTable(
     *DRONE_PARAMETERS,
 )
 
-# Number of per-cycle checks in one idle step while the simulation pauses.
+# Number of reports of the bridge in one idle step while the simulation pauses.
 _CYCLES_OF_A_WAIT = 10
 _STILL = 0.05  # [rad/s] largest speed of a joint at rest
 _FAULT_TIME = 1.0  # [s] simulation time until a fault has an effect
 _FALL_TIME = 2.0  # [s] after which an arm without motor current has begun to fall
-_NO_DRONE = 'contact_force and wall need a flying drone: set drone_file'
+_NO_DRONE = 'the parameters contact_force and wall need a flying drone: set drone_file'
 _WALL_LINK = 'tool0'
 
 
 class EmulatedArm(World):
-    """Emulated boards on a physics engine, in simulation time.
+    """Run the bridge on emulated boards and a simulated arm, in simulation time.
 
-    A person supports a real arm until its motors hold it. Enabling therefore starts the emulated
-    arm at its present posture. If the arm fell beyond its limits, enabling returns it to its
-    initial posture.
+    A person supports a real arm until its motors hold it. The service `enable` therefore first
+    stops the fall of the emulated arm. If the arm is outside its position limits, `enable` resets
+    it to its initial configuration.
     """
 
     emulated = True
@@ -95,7 +95,7 @@ class EmulatedArm(World):
         }
 
     def load_arm(self) -> tuple[ArmConfig, Robot]:
-        """Return the arm's description, with the encoder type that the parameters select."""
+        """Load configuration and model of the arm, with the encoder type of the parameters."""
         config, robot = super().load_arm()
         encoders = self.bridge.values.encoders
         return (config.with_encoders(encoders) if encoders else config), robot
@@ -103,12 +103,12 @@ class EmulatedArm(World):
     def make_transport(
         self, config: ArmConfig, robot: Robot, profile: FrameProfile
     ) -> EmulatedTransport:
-        """Create the emulated boards; write the true parameters if a parameter names a file."""
+        """Create emulated boards and the simulated arm; write `truth_file` if it is set."""
         values = self.bridge.values
         if len(values.initial_position) not in (0, config.n):
             raise ValueError(
-                f'initial_position has {len(values.initial_position)} values: set one for each '
-                f'of {", ".join(config.joint_names)}'
+                f'the parameter initial_position has {len(values.initial_position)} values: set '
+                f'one value for each of {", ".join(config.joint_names)}'
             )
         seed = None if values.seed < 0 else values.seed
         drawn = robot
@@ -143,7 +143,7 @@ class EmulatedArm(World):
         return transport
 
     def _as_made(self, config: ArmConfig, robot: Robot) -> tuple[ArmConfig, Robot]:
-        """Return configuration and model of the emulated arm with its manufacturing errors."""
+        """Return configuration and model of the simulated arm, with its manufacturing errors."""
         values = self.bridge.values
         if values.hardware_config or values.hardware_urdf:
             own = SimpleNamespace(**vars(values))
@@ -176,8 +176,8 @@ class EmulatedArm(World):
             )
         if profile != STILL:
             raise ValueError(
-                f'base_motion_profile is {profile} and drone_file is set, but a flying drone has '
-                'no motion profile: remove one of the two'
+                f'base_motion_profile is {profile} and drone_file is set, but the base of an arm '
+                'under a drone has no motion profile: remove one of the two parameters'
             )
         wind = drone_parameters.gust(values)
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
@@ -193,7 +193,7 @@ class EmulatedArm(World):
         return self._drone if isinstance(self._drone, FlyingDrone) else None
 
     def make_loop(self) -> PeriodicLoop:
-        """Return the loop of the cycles, in simulation time or in real time."""
+        """Return the loop that calls the bridge's cycle, in simulation time or in real time."""
         bridge, values = self.bridge, self.bridge.values
         self._destroy_time()
         if values.pace == REAL_TIME:
@@ -214,21 +214,21 @@ class EmulatedArm(World):
         return self._time.loop
 
     def now_ns(self) -> int:
-        """Return the simulation time [ns since the epoch]."""
+        """Return the simulation time [ns since the epoch], or with `real_time` the system time."""
         return self._time.now_ns() if self._time is not None else super().now_ns()
 
     def newest_command(self) -> Command | None:
-        """Return the newest command, for which the simulation may have waited."""
+        """Return the newest joint command, for which the simulation may have waited."""
         time = self._time
         return time.newest_command() if time is not None else super().newest_command()
 
     def clean_up(self) -> None:
-        """Remove the drone and the simulation time."""
+        """Destroy the ROS entities of drone, sensors and simulation time."""
         self._destroy_drone()
         self._destroy_time()
 
     def actions(self) -> Mapping[str, Action]:
-        """Return the actions that an emulated arm adds or replaces."""
+        """Return actions by service name, which add to or replace those of a real arm."""
         return {
             'enable': self._enable,
             'home': self._home,
@@ -237,11 +237,11 @@ class EmulatedArm(World):
         }
 
     def statuses(self) -> Sequence[Status]:
-        """Return the drone's status, if there is a drone."""
+        """Return the status of the drone for /diagnostics, or an empty tuple without a drone."""
         return () if self._flying is None else (self._flying.describe(),)
 
     def end_cycle(self, now: float, stamp_ns: int) -> None:
-        """Simulate boards and arm up to the next cycle, while the controllers compute."""
+        """Simulate boards and arm until the time of the next cycle, while controllers compute."""
         self._now, self._stamp_ns = now, stamp_ns
         if self._drone is not None:
             # Before the arm moves, because a sample must be taken at the time of its stamp.
@@ -255,7 +255,7 @@ class EmulatedArm(World):
             self._time.poll()
 
     def parameter_problem(self, changes: Mapping[str, Any]) -> str:
-        """Return why live parameters cannot be set, or an empty text."""
+        """Return why the node must reject new values of live parameters, or an empty text."""
         boards, made = self.boards, self._made
         if boards is None or made is None:
             return ''
@@ -320,12 +320,12 @@ class EmulatedArm(World):
         else:
             boards.put_back()
             what = 'the fallen arm was reset to its initial configuration; '
-        cycle.update(self._now)  # measure the new posture and that the arm rests
+        cycle.update(self._now)  # read the new positions and the zero velocity
         accepted, message = cycle.enable()
         return Answer(accepted, what + message)
 
     def _grasp(self, cycle: BridgeCycle) -> Answer:
-        """Attach the payload of the parameters to the arm."""
+        """Attach the payload of the parameter `payload` to the simulated arm."""
         if self.boards is None or self._made is None:
             return Answer(False, 'the bridge is not configured: configure it first')
         self.boards.plant.grasp(self._made(self.bridge.values.payload))
@@ -333,7 +333,7 @@ class EmulatedArm(World):
         return Answer(True, '')
 
     def _turn(self, cycle: BridgeCycle) -> Answer:
-        """Turn the joint that the parameter `hand` names."""
+        """Turn one joint as the parameter `hand` describes."""
         if self.boards is None:
             return Answer(False, 'the bridge is not configured: configure it first')
         try:
@@ -357,11 +357,11 @@ class EmulatedArm(World):
                 SimpleNamespace(**{**vars(self.bridge.values), **changes}), plant
             )
         except ValueError as error:
-            return f'contact: {error}'
+            return f'parameters contact_force and contact_link: {error}'
         return ''
 
     def _touch(self, cycle: BridgeCycle) -> Answer:
-        """Apply the contact force of the parameters."""
+        """Apply the parameters `contact_force` and `contact_link` to the simulation."""
         plant = None if self.boards is None else self.boards.plant
         if not isinstance(plant, FlyingPlant):
             return Answer(False, _NO_DRONE)
@@ -373,14 +373,14 @@ class EmulatedArm(World):
         if boards is None or cycle.mode not in OFF:
             return cycle.home()
         boards.put_at_rest()
-        cycle.update(self._now)  # measure the new posture and that the arm rests
+        cycle.update(self._now)  # read the new positions and the zero velocity
         accepted, message = cycle.home()
         return Answer(accepted, f'the emulated arm was moved to its home configuration; {message}')
 
     def _inject_fault(self, cycle: BridgeCycle) -> Answer:
         fault, boards = self.bridge.values.fault, self.boards
         if boards is None or not fault:
-            return Answer(False, f'set the parameter fault first: {FORM}')
+            return Answer(False, f'the parameter fault is empty: set it to {FORM} first')
         FaultRequest.parse(fault, len(boards.boards)).apply(boards)
         self._awake_until = self._now + _FAULT_TIME
         return Answer(True, f'{fault}: {FAULTS[fault.partition(":")[0].strip()].meaning}')
@@ -388,11 +388,12 @@ class EmulatedArm(World):
     def _put_back(self, cycle: BridgeCycle) -> Answer:
         boards = self.boards
         if boards is None or any(board.system_enabled for board in boards.boards):
-            return Answer(False, 'the motors are driven: disable the arm first')
+            return Answer(False, 'the boards still drive motors: disable the arm first')
         boards.put_back()
         if self._flying is not None:
             self._flying.restart()
         return Answer(
             True,
-            'the arm is reset to its initial configuration, and supported until its motors hold it',
+            'the arm was reset to its initial configuration, and is supported until its motors '
+            'hold it',
         )

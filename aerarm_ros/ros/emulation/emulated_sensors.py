@@ -1,4 +1,4 @@
-"""Publish the measurements of an emulated motion capture and an emulated camera."""
+"""Emulated motion capture and emulated camera, which observe the simulated arm."""
 
 from __future__ import annotations
 
@@ -27,40 +27,53 @@ SENSOR_PARAMETERS = (
     Parameter(
         'geometry_seed',
         -1,
-        'seed of the geometric errors of the emulated arm (joint zeros by 10 mrad, lengths by 1 '
-        'mm, mount and IMU); -1 for a nominal arm',
+        "seed of the emulated arm's geometric errors in joint zeros (10 mrad), lengths (1 mm), "
+        'mounting and IMU; -1 for an arm without geometric errors',
         minimum=-1,
         maximum=10**9,
     ),
     Parameter(
         'hardware_config',
         '',
-        'configuration of the emulated hardware, if its offsets differ from config, for example '
-        'because config is calibrated; config if empty',
+        'configuration file of the emulated arm, if it must differ from the parameter config, for '
+        'example from a calibrated one; if empty, that of config',
     ),
     Parameter(
         'hardware_urdf',
         '',
-        'URDF of the emulated arm, if the parameter urdf names a calibrated one; as urdf if empty',
+        'URDF of the emulated arm, if it must differ from the parameter urdf, for example from a '
+        'calibrated one; if empty, that of urdf',
     ),
     Parameter(
         'mocap_rate',
         0.0,
-        'rate of an emulated motion capture of four markers on the last link (mocap/marker1 ...) '
-        'and of the moving base or drone (mocap/drone); 0 for none',
+        'rate of an emulated motion capture. It publishes four markers of the last link '
+        '(mocap/marker1 ...) and the pose of the moving base or drone (mocap/drone). 0 for none',
         'Hz',
         0.0,
         1000.0,
     ),
     Parameter(
-        'mocap_noise', 0.2e-3, 'noise of a marker: standard deviation per axis', 'm', 0.0, 0.1
+        'mocap_noise',
+        0.2e-3,
+        'noise of the emulated motion capture: standard deviation of a marker position per axis',
+        'm',
+        0.0,
+        0.1,
     ),
-    Parameter('mocap_clock', 0.0, 'delay of the stamps of the motion capture', 's', -10.0, 10.0),
+    Parameter(
+        'mocap_clock',
+        0.0,
+        'offset that the emulated motion capture adds to the stamps of its messages',
+        's',
+        -10.0,
+        10.0,
+    ),
     Parameter(
         'camera_rate',
         0.0,
-        'rate of an emulated camera that observes an optical marker on the last link '
-        '(camera/marker); 0 for none',
+        'rate of an emulated camera, which publishes the pose of an optical marker on the last '
+        'link (camera/marker); 0 for none',
         'Hz',
         0.0,
         1000.0,
@@ -68,7 +81,7 @@ SENSOR_PARAMETERS = (
     Parameter(
         'camera_noise',
         0.15,
-        'noise of the camera: standard deviation per coordinate of a corner',
+        "noise of the emulated camera: standard deviation of a marker corner's image coordinates",
         'px',
         0.0,
         10.0,
@@ -78,14 +91,14 @@ _DEPTH = 0.02  # [s] age of a frame when it is published
 
 
 class EmulatedSensors:
-    """Motion capture and camera of an emulated arm.
+    """Publish measurements of the emulated motion capture and the emulated camera.
 
     Parameters
     ----------
     node
         Owner of the publishers.
     plant
-        The simulated arm that is measured.
+        Simulated arm that both sensors observe.
     link
         Name of the last link.
     values
@@ -125,7 +138,7 @@ class EmulatedSensors:
             self._pose = node.create_publisher(PoseStamped, 'camera/marker', RELIABLE)
 
     def update(self, stamp_ns: int) -> None:
-        """Publish the measurements that are due in the cycle with stamp [ns]."""
+        """Sample the sensors in the cycle with the stamp `stamp_ns` [ns]; publish measurements."""
         if self._mocap is not None and (sample := self._mocap.update(stamp_ns)) is not None:
             self._publish_markers(*sample)
         if self._body is not None and (sample := self._body.update(stamp_ns)) is not None:
@@ -152,7 +165,7 @@ class EmulatedSensors:
     @staticmethod
     def _publish_pose(publisher: Any, frame: str, stamp_ns: int, pose: Any) -> None:
         if pose is None:
-            return  # not in view
+            return  # the camera does not see the marker
         rotation, place = pose
         message = PoseStamped()
         message.header.frame_id = frame

@@ -1,4 +1,4 @@
-"""Simulation time of the emulated arm: its speed, and the nodes for which it waits."""
+"""Simulation time of the emulated arm, which can wait for other nodes."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.graph import DuplicatePublisherWatch
 from aerarm_ros.ros.parameters.parameter import Parameter
 
-# Below this fraction of real time, the summary calls the host too slow for a real arm.
-_AS_GOOD_AS_REAL = 0.99
-# [ns] A bridge damps its arm after a silence of this length, so a smaller total delay is harmless.
+# Below this fraction of real time, the summary warns that the host is too slow for a real arm.
+_SHARE_MIN = 0.99
+# [ns] Smaller total delays are harmless, because a bridge damps its arm after this time without a
+# command.
 _NOTICED_SLIP_NS = 50_000_000
 
 
 class WorldLoop(PeriodicLoop):
-    """Call a function once per period of simulation time, at most as fast as real time.
+    """Loop that calls a function once per period of simulation time.
 
-    On a fast host the deadlines lie on a grid, as for a `PeriodicLoop`. If the host is late by a
-    period or more, the grid shifts: no cycle is skipped, and the simulation pauses meanwhile.
+    On a fast host the deadlines have equal distances in real time, as for a `PeriodicLoop`. If the
+    host is late by a period or more, all later deadlines shift. So no cycle is skipped.
 
     Parameters
     ----------
@@ -46,12 +47,12 @@ class WorldLoop(PeriodicLoop):
     Attributes
     ----------
     period_ns, cycles, lateness, execution, interval
-        As for a `PeriodicLoop`, in the host's time; no cycle is ever missed.
+        As for a `PeriodicLoop`, in the host's time. No cycle is ever missed.
     slipped_ns
-        Time [ns] by which the host's clock advanced more than the simulation's.
-    stood_ns
-        Time [ns] of pauses in which the arm was at rest; `hold` adds to it. Pauses at rest do not
-        count in `share_of_real_time`.
+        Total shift of the deadlines [ns].
+    paused_ns
+        Total duration of pauses in which the arm was at rest [ns]; `hold` adds to it. These pauses
+        do not count in `share_of_real_time`.
 
     Raises
     ------
@@ -67,7 +68,7 @@ class WorldLoop(PeriodicLoop):
         start_ns: int = 0,
     ) -> None:
         super().__init__(period)
-        self.slipped_ns = self.stood_ns = 0
+        self.slipped_ns = self.paused_ns = 0
         self._hold = hold
         self._wait_first = wait_first
         self._host_ns = 0
@@ -75,17 +76,17 @@ class WorldLoop(PeriodicLoop):
 
     @property
     def world_ns(self) -> int:
-        """Simulation time [ns] of the present or last cycle."""
+        """Simulation time of the present or last cycle [ns]."""
         return self._start_ns + self.cycles * self.period_ns
 
     def run(self, function: Callable[[int, int], None]) -> None:
-        """Call `function(world_ns, index)` every period until `stop`.
+        """Call `function(world_ns, index)` once per period of simulation time until `stop`.
 
         Parameters
         ----------
         function
-            Receives the simulation time [ns], one period at the first call, and the number of the
-            cycle, 0, 1, 2... An exception ends the loop.
+            Function of the simulation time [ns], which is one period at the first call, and of the
+            number of the cycle, 0, 1, 2... An exception ends the loop.
         """
         clock = time.monotonic_ns
         previous = clock()
@@ -125,42 +126,44 @@ class WorldLoop(PeriodicLoop):
 
     @property
     def share_of_real_time(self) -> float:
-        """Simulation time divided by the host's time since the start; can exceed one."""
-        host_ns = self._host_ns - self.stood_ns
+        """Simulation time divided by the host's time since the start; may be larger than one."""
+        host_ns = self._host_ns - self.paused_ns
         return self.cycles * self.period_ns / host_ns if host_ns > 0 else 1.0
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
-        """Return the level of the timing and one line of text; a slow simulation is not a fault."""
+        """Return level and text for /diagnostics; a slow simulation is not a fault."""
         return OK, f'the simulation runs at {100.0 * self.share_of_real_time:.1f} % of real time'
 
     def account(self) -> str:
-        """Return one summary line for the end of the log."""
+        """Return a line about the simulation's speed, for the end of the log."""
         if not self.cycles:
             return 'no cycle has run yet'
         share = self.share_of_real_time
         text = f'{self.cycles} cycles, the simulation ran at {100.0 * share:.1f} % of real time'
-        is_slow = share < _AS_GOOD_AS_REAL and self.slipped_ns >= _NOTICED_SLIP_NS
+        is_slow = share < _SHARE_MIN and self.slipped_ns >= _NOTICED_SLIP_NS
         if self._wait_first and is_slow:
             text += (
-                f', {self.slipped_ns * 1e-9:.2f} s behind real time: this computer is too '
+                f' and fell {self.slipped_ns * 1e-9:.2f} s behind real time: this computer is too '
                 'slow for a real arm'
             )
         return text
 
 
 _LAG_NS = 500_000_000
-"""[ns]; a recorder's queues and the middleware's shared memory hold some seconds of messages."""
+"""Largest delay of a recorder [ns]; its queues and the middleware store some seconds."""
 
 
 class RecordingWatch:
-    """Track the time up to which a recorder has received the joint states.
+    """Check whether a recorder keeps up with the simulation.
+
+    A recorder publishes the stamp of the newest joint state that it has received.
 
     Parameters
     ----------
     node
         Owner of the subscription; its executor receives the messages.
     start_ns
-        Start of the simulation [ns since the epoch]. Earlier times belong to another simulation,
+        Start of the simulation [ns since the epoch]. Earlier stamps belong to another simulation,
         for example of a second bridge.
     """
 
@@ -174,7 +177,7 @@ class RecordingWatch:
         )
 
     def is_behind(self, now_ns: int) -> bool:
-        """Return whether the recorder is more than half a second behind `now_ns` [ns]."""
+        """Return whether the recorder is more than 0.5 s behind the simulation time `now_ns`."""
         until_ns = self._until_ns
         if until_ns is None or now_ns - until_ns <= _LAG_NS:
             return False
@@ -183,7 +186,7 @@ class RecordingWatch:
         return self._until_ns is not None
 
     def give_up(self) -> None:
-        """Stop waiting until the recorder reports again."""
+        """Ignore the recorder until it publishes a stamp again."""
         self._until_ns = None
 
     def destroy(self) -> None:
@@ -198,7 +201,8 @@ class RecordingWatch:
 
 _PERIOD_NS = 5_000_000
 _ADVICE = (
-    ', each with its own time: give each a separate ROS_DOMAIN_ID, or remap /clock of all but one'
+    ', each with a different time: set a different ROS_DOMAIN_ID for each, or remap /clock of all '
+    'but one'
 )
 # rosgraph_msgs/Clock: header of little-endian CDR, seconds, nanoseconds.
 _CDR = struct.Struct('<4BiI')
@@ -206,7 +210,7 @@ _ENCAPSULATION = (0, 1, 0, 0)
 
 
 class WorldClock:
-    """Publish the simulation time, serialized, at 200 Hz.
+    """Publish the simulation time on /clock at 200 Hz.
 
     Parameters
     ----------
@@ -220,27 +224,27 @@ class WorldClock:
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._due = 0
         self._serialized = b''
-        self._rivals = DuplicatePublisherWatch(node, topic, _ADVICE)
+        self._duplicates = DuplicatePublisherWatch(node, topic, _ADVICE)
 
     def publish(self, now_ns: int) -> None:
-        """Publish `now_ns` [ns] if a message is due."""
+        """Publish the simulation time `now_ns` [ns] if 5 ms have passed since the last message."""
         if now_ns >= self._due:
             self._due = now_ns + _PERIOD_NS
             self._serialized = _CDR.pack(*_ENCAPSULATION, *divmod(now_ns, 1_000_000_000))
             self._publisher.publish(self._serialized)
 
     def republish(self) -> None:
-        """Republish the last time, for late subscribers."""
+        """Publish the last message again, for late subscribers."""
         if self._serialized:
             self._publisher.publish(self._serialized)
 
     def poll(self) -> None:
-        """Check for another clock; to be called in every cycle, takes a microsecond."""
-        self._rivals.poll()
+        """Check for another publisher of /clock; to be called in every cycle, takes 1 us."""
+        self._duplicates.poll()
 
     def destroy(self) -> None:
         """Destroy the publisher."""
-        self._rivals.destroy()
+        self._duplicates.destroy()
         self._node.destroy_publisher(self._publisher)
 
 
@@ -249,16 +253,17 @@ PACE_PARAMETERS = (
     Parameter(
         'pace',
         KEEP_UP,
-        'pace of the simulation. keep_up: real time, or slower if the computer is too slow. '
-        'lockstep: each cycle waits for the command that responds to the last state; the '
-        'simulation runs as fast as possible while commands arrive, and during alignment and '
-        'homing. real_time: time passes even while the computer is busy',
+        'pace of the simulation. keep_up: real time, or slower on a slow computer. lockstep: each '
+        'cycle waits for the command that answers the last joint state. The simulation then runs '
+        'as fast as possible while commands arrive, and during alignment and homing. real_time: '
+        'real time, without waiting for other nodes',
         choices=PACES,
     ),
     Parameter(
         'answer_timeout',
         5.0,
-        'longest wait (wall clock) for nodes that command or record the arm',
+        'longest time (wall clock) for which the simulation waits for a node that commands or '
+        'records the arm',
         's',
         0.01,
         600.0,
@@ -266,11 +271,12 @@ PACE_PARAMETERS = (
 )
 
 LAG = {KEEP_UP: 3, LOCKSTEP: 0, REAL_TIME: 0}
-"""Largest number of states, and of odometry messages, without an answer."""
+"""Largest number of unanswered joint states or odometry messages, by pace."""
 
 # In these modes a simulation in lockstep pauses as soon as the arm rests, until a request or
-# message arrives. In modes that need no controller the simulation runs ahead.
-_STANDING = (*OFF, 'ready')
+# message arrives.
+_PAUSING = (*OFF, 'ready')
+# In these modes no controller is needed, so the simulation runs as fast as possible.
 _ALONE = ('aligning', 'homing', 'ready')
 _SLICE = 0.005  # [s] between two checks for requests
 _EAGER = 0.001  # [s]
@@ -278,12 +284,12 @@ _REPEAT = 0.05  # [s] between two copies of a state, for nodes that missed the f
 
 
 class EmulatedWorld:
-    """A simulation that advances by one period per cycle and pauses in between.
+    """Control the speed of the simulation time, for the paces `keep_up` and `lockstep`.
 
-    In lockstep the simulation waits until the last state is answered. The simulation also pauses
-    before the first command, and while the arm is off and at rest. A controller therefore receives
-    the same states at the same times in every run. With lockstep the simulation time starts at
-    `start_ns`, with `keep_up` at the host's time.
+    In lockstep the simulation waits for the command that answers the last joint state. It also
+    pauses before the first command, and while the arm is off and at rest. A controller therefore
+    receives the same states at the same times in every run. With lockstep the simulation time
+    starts at `start_ns`, with `keep_up` at the host's time.
 
     Parameters
     ----------
@@ -296,12 +302,13 @@ class EmulatedWorld:
     period, patience
         Period of the cycle, and `answer_timeout` [s].
     start_ns
-        Simulation time at the start [ns]: zero in a new process. A bridge that is configured again
-        continues its time.
+        Simulation time at the start [ns], zero in a new process. A bridge that is configured again
+        continues at its last time.
     is_still
-        Returns whether the arm has been at rest since a simulation time [s] in the present mode.
+        Returns whether the arm is at rest. Its arguments are the present mode, and the simulation
+        time since the start of this mode [s].
     republish
-        Republishes the last state.
+        Publishes the last joint state again.
     wait_idly
         Called about 20 times per second during a pause.
     drone
@@ -312,8 +319,8 @@ class EmulatedWorld:
     loop
         The bridge's loop.
     is_waiting
-        Whether a request ended the wait for an answer, in which case no controller commands the
-        arm.
+        Whether a request ended the wait for an answer of a controller that has ended or does not
+        respond.
     """
 
     def __init__(
@@ -344,7 +351,7 @@ class EmulatedWorld:
         self._republish = republish
         self._wait_idly = wait_idly
         self._drone = drone
-        self._stands = False
+        self._is_pausing = False
         self._mode = ''
         self._mode_since_ns = 0
         self._command: Command | ValueError | None = None
@@ -357,21 +364,24 @@ class EmulatedWorld:
         return self._origin_ns + self.loop.world_ns
 
     def newest_command(self) -> Command | None:
-        """Return the newest command, which was taken from the streams before the cycle."""
+        """Return the newest joint command, which was received before the cycle, or None.
+
+        Raises ValueError if that command is invalid.
+        """
         command, self._command = self._command, None
         if isinstance(command, ValueError):
             raise command
         return command
 
     def end_cycle(self, mode: str) -> None:
-        """Store the bridge's mode and publish the time."""
+        """Store the bridge's mode at the end of a cycle, and publish the simulation time."""
         if mode != self._mode:
             self._mode, self._mode_since_ns = mode, self.loop.world_ns
             self._warned.clear()
         self._clock.publish(self.now_ns())
 
     def poll(self) -> None:
-        """Check for another simulation in this domain; called once per cycle."""
+        """Check for another simulation in this ROS domain; to be called once per cycle."""
         self._clock.poll()
 
     def destroy(self) -> None:
@@ -380,37 +390,40 @@ class EmulatedWorld:
         self._recording.destroy()
 
     def _hold(self) -> bool:
-        """Wait until the simulation may continue; return whether the next cycle may start early."""
+        """Wait until the simulation may continue; return whether the next cycle may start now.
+
+        Otherwise the next cycle starts at its deadline.
+        """
         self.is_waiting = False
         if self._mode not in COMMANDABLE or self._mode == 'ready':
             self._watch.forget()  # The next command may come from another controller.
-        self._stands = (
+        self._is_pausing = (
             self._in_lockstep
-            and self._mode in _STANDING
+            and self._mode in _PAUSING
             and self._is_still(self._mode, 1e-9 * (self.loop.world_ns - self._mode_since_ns))
         )
         if not (self._in_lockstep and self._watch.awaits(self.now_ns())):
             self._look()  # otherwise the wait below reads it
-        if self._stands:
-            self._stand()
+        if self._is_pausing:
+            self._pause()
             return True
         if self._is_ahead() and not self._wait(self._is_ahead, self._patience):
             self._give_up()
         is_answered = self._watch.expects or (self._drone is not None and self._drone.expects)
         return self._in_lockstep and (is_answered or self._mode in _ALONE)
 
-    def _stand(self) -> None:
-        """Pause until a message or request arrives."""
+    def _pause(self) -> None:
+        """Pause the simulation until a command or request arrives."""
         begun = time.monotonic_ns()
         if not self._wait(lambda: self._command is None, self._patience):
             if self._mode == 'ready' and self._streams.commands.publishers():
-                self._say(
-                    'a publisher of joint_command does not respond to states: the simulation '
-                    'pauses until it responds, also to re-sent states'
+                self._warn_once(
+                    'a publisher of joint_command does not respond to states, so the simulation '
+                    'pauses until it does: check that controller'
                 )
             self._wait(lambda: self._command is None, None)
         if not self.loop.is_stopped:  # the wait before the next cycle
-            self.loop.stood_ns += time.monotonic_ns() - begun
+            self.loop.paused_ns += time.monotonic_ns() - begun
 
     def _is_ahead(self) -> bool:
         """Return whether the simulation must wait for a controller or a recorder."""
@@ -430,7 +443,7 @@ class EmulatedWorld:
         return self._watch.expects
 
     def _wait(self, is_needed: Callable[[], bool], patience: float | None) -> bool:
-        """Wait while a condition holds; a request ends the wait, a time-out returns False."""
+        """Wait while `is_needed` returns True, or until a request; return False at a time-out."""
         waited = 0.0  # counts only while other processes could run
         last = republished = time.monotonic()
         has_republished = False
@@ -455,7 +468,7 @@ class EmulatedWorld:
         return True
 
     def _listen(self, timeout: float) -> None:
-        """Wait up to `timeout` [s] for an awaited node, and take its messages."""
+        """Wait up to `timeout` [s] for a joint or rotor command, and read new commands."""
         drone = self._drone
         if drone is not None and drone.is_behind() and not self._awaits_command():
             drone.wait(timeout)
@@ -465,17 +478,17 @@ class EmulatedWorld:
             drone.look()
 
     def _awaits_command(self) -> bool:
-        return self._stands or self._watch.awaits(self.now_ns())
+        return self._is_pausing or self._watch.awaits(self.now_ns())
 
     def _is_alone(self, has_republished: bool) -> bool:
-        """Return whether the awaited controller is gone: its publisher ended, or no answer came."""
+        """Return whether the controller whose answer is awaited has ended or does not respond."""
         commands = self._streams.commands
         if not self._watch.awaits(self.now_ns()):
             return False
         return has_republished or commands.publishers() < self._publishers
 
     def _look(self) -> None:
-        """Take the newest command, if there is one."""
+        """Read the newest joint command, and check which joint state it answers."""
         try:
             command = self._streams.newest_command()
         except ValueError as error:
@@ -494,33 +507,33 @@ class EmulatedWorld:
         self._watch.note(stamp_ns, now_ns)
 
     def _is_early(self, stamp_ns: int) -> bool:
-        """Return whether the first command of a controller answers an earlier state."""
+        """Return whether the first command of a controller answers an earlier joint state."""
         if not self._in_lockstep or self._mode != 'ready' or self._watch.expects:
             return False
         is_answer = self._watch.is_answer(stamp_ns, self.now_ns())
-        return is_answer and not (self._stands and stamp_ns == self.now_ns())
+        return is_answer and not (self._is_pausing and stamp_ns == self.now_ns())
 
     def _give_up(self) -> None:
         if self._recording.is_behind(self.now_ns()):
             self._recording.give_up()
-            self._warn('the recorder did not continue', 'and the bag may lack messages')
+            self._warn('the recorder did not receive the joint states', 'the bag may lack messages')
         elif self._drone is not None and self._drone.is_behind():
             self._drone.give_up()
-            self._warn('no command responded to the last odometry', 'and the rotors will stop')
+            self._warn('no rotor_command answered the last odometry', 'the rotors will stop')
         else:
             self._watch.give_up()
             self._warn(
-                'no command responded to the last state',
-                'and the arm is damped, or held if requested',
+                'no joint_command answered the last joint state',
+                'the bridge damps the arm, or holds it if requested',
             )
 
     def _warn(self, what: str, then: str) -> None:
-        self._say(
-            f'{what} within {self._patience:g} s (answer_timeout), so the simulation continues '
-            f'without it, {then}'
+        self._warn_once(
+            f'{what} within {self._patience:g} s (answer_timeout), so the simulation stops '
+            f'waiting, and {then}'
         )
 
-    def _say(self, text: str) -> None:
+    def _warn_once(self, text: str) -> None:
         if text not in self._warned:
             self._warned.add(text)
             self._logger.warning(text)

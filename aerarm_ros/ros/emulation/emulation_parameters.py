@@ -1,4 +1,4 @@
-"""Parameters of an emulated arm, and the simulated arm that they describe."""
+"""ROS parameters of the emulated arm, and their conversion to a simulated arm."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ EMULATION_PARAMETERS = (
     Parameter(
         'seed',
         0,
-        "seed of noise and of the arm's deviations from its nominal parameters; -1 for a nominal "
-        'arm',
+        "seed of the sensor noise and of the emulated arm's deviations from its nominal "
+        'parameters; -1 for a nominal arm',
         minimum=-1,
         maximum=10**9,
     ),
     Parameter(
         'initial_position',
         [],
-        'initial joint positions, in joint order; the home configuration if empty',
+        'joint positions of the emulated arm at the start, one per joint; if empty, the home '
+        'configuration',
         'rad',
         -6.3,
         6.3,
@@ -35,8 +36,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'payload',
         [],
-        'payload of the arm: mass, and x, y, z of its centre of mass in the frame of the last '
-        "link's joint; none if empty",
+        'payload of the emulated arm: mass, and x, y, z of its centre of mass in the frame of the '
+        'last joint; no payload if empty',
         'kg, m',
         -10.0,
         10.0,
@@ -46,7 +47,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'backlash',
         [],
-        'gear backlash at the joints, one value or one per joint; none if empty',
+        'gear backlash of the emulated arm at the joints, one value or one per joint; no backlash '
+        'if empty',
         'rad',
         1e-6,
         0.5,
@@ -55,7 +57,7 @@ EMULATION_PARAMETERS = (
     Parameter(
         'backlash_wear',
         0.0,
-        'growth of the backlash per energy that the gear transmits',
+        'growth of the gear backlash by wear, per energy that the gear transmits',
         'rad/J',
         0.0,
         1.0,
@@ -63,8 +65,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'stribeck',
         0.0,
-        'additional friction at rest, relative to the friction of a sliding joint; slow joints '
-        'then stick and slip',
+        'additional static friction of the emulated joints, relative to their sliding friction; '
+        'with it, slow joints stick and slip',
         '',
         0.0,
         5.0,
@@ -72,7 +74,7 @@ EMULATION_PARAMETERS = (
     Parameter(
         'stribeck_velocity',
         0.05,
-        'velocity at which the additional static friction has fallen to 1/e',
+        'joint velocity at which the additional static friction (stribeck) has decreased to 1/e',
         'rad/s',
         1e-3,
         10.0,
@@ -80,31 +82,34 @@ EMULATION_PARAMETERS = (
     Parameter(
         'base_motion_profile',
         STILL,
-        "motion of the arm's base after the motors are ready; if the base moves, the node "
-        'publishes imu',
+        "motion of the emulated arm's base once the motors hold the arm; if the base moves, the "
+        'node publishes imu',
         choices=tuple(BASE_PROFILES),
     ),
     Parameter(
         'encoders',
         '',
-        "type of the encoders: 'incremental' (homing is needed) or 'absolute'; as in the "
-        'configuration if empty',
+        "type of the emulated encoders: 'incremental' (the arm needs homing) or 'absolute'; if "
+        'empty, the type in the configuration',
         choices=('', *ENCODERS),
     ),
     Parameter(
-        'truth_file', '', 'YAML file for the true parameters of the simulated arm; none if empty'
+        'truth_file',
+        '',
+        'YAML file to which the node writes the true parameters of the simulated arm; no file if '
+        'empty',
     ),
     Parameter(
         'fault',
         '',
-        f'fault to inject when set: {FORM}, NAME one of {", ".join(FAULTS)}',
+        f'fault to inject into the emulated boards: {FORM}, with NAME one of {", ".join(FAULTS)}',
         live=True,
     ),
     Parameter(
         'hand',
         '',
-        'JOINT:ANGLE: an emulated hand turns the joint once to the angle [rad], with the motors '
-        'off',
+        'joint that an emulated hand turns once, as JOINT:ANGLE with the final angle [rad]; the '
+        'motors must be off',
         live=True,
     ),
 )
@@ -122,27 +127,29 @@ def plant_parameters(
     stribeck: tuple[float, float],
     payload: Sequence[float],
 ) -> PlantParameters:
-    """Return the physical parameters of the simulated arm; raises ValueError."""
+    """Return the simulated arm's physical parameters, or raise ValueError for invalid values."""
     parameters = PlantParameters.nominal(config, robot)
     if seed is not None:
         parameters = parameters.perturbed(seed)
     parameters = replace(parameters, stribeck=stribeck[0], stribeck_velocity=stribeck[1])
     if len(backlash) not in (0, 1, config.n):
         raise ValueError(
-            f'backlash {list(backlash)} must have one value, or one for each of {config.n} joints'
+            f'the parameter backlash {list(backlash)} has {len(backlash)} values: set one value, '
+            f'or one for each of the {config.n} joints'
         )
     if backlash_wear and not len(backlash):
         raise ValueError(
-            f'backlash_wear is {backlash_wear:g}, but no gear has backlash: set backlash'
+            f'the parameter backlash_wear is {backlash_wear:g}, but no gear has backlash: set '
+            'backlash too'
         )
     if len(backlash):
-        play = np.broadcast_to(np.array(backlash, dtype=float), (config.n,))
-        parameters = replace(parameters, backlash=play, backlash_wear=backlash_wear)
+        of_joints = np.broadcast_to(np.array(backlash, dtype=float), (config.n,))
+        parameters = replace(parameters, backlash=of_joints, backlash_wear=backlash_wear)
     if not payload:
         return parameters
     if len(payload) != 4 or not payload[0] >= 0.0:
         raise ValueError(
-            f'payload {list(payload)} must be a mass of at least 0 [kg] and x, y, z of '
-            'its centre of mass [m]'
+            f'the parameter payload {list(payload)} must be a mass of at least 0 [kg] and x, y, z '
+            'of its centre of mass [m]'
         )
     return parameters.carrying(payload[0], payload[1:], PAYLOAD_RADIUS)

@@ -1,4 +1,4 @@
-"""The emulated drone: subscribe to rotor_command, publish imu and odometry."""
+"""ROS topics of the emulated drone, or of a moving base: rotor commands, IMU, odometry."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from aerarm_ros.simulation.sensors import DelayedSensor, ImuReading, OdometryRea
 
 
 class EmulatedDrone:
-    """Move the arm's base once the motors hold the arm, and publish its IMU.
+    """Start the motion of the arm's base once the motors hold the arm, and publish its IMU.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class EmulatedDrone:
         self._is_moving = False
 
     def update(self, mode: str, stamp_ns: int) -> None:
-        """Apply the bridge's mode, and publish the messages due in the cycle with stamp [ns]."""
+        """Start the motion if the arm's mode permits it, and publish the IMU of this cycle."""
         if not self._is_moving and mode in HELD:
             self._is_moving = True
             if isinstance(self._plant, MovingBasePlant):
@@ -83,27 +83,29 @@ class EmulatedDrone:
 
 
 def to_time(stamp_ns: int) -> Time:
-    """Convert a time [ns] to a message's stamp."""
+    """Convert a time [ns] to the stamp of a ROS message."""
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def fill_vector(part: Any, vector: NDArray[Any]) -> None:
-    """Copy (3,) numbers to x, y and z of a message part."""
+    """Copy an array of shape (3,) to the fields x, y and z of a ROS message."""
     part.x, part.y, part.z = vector.tolist()
 
 
 def fill_quaternion(part: Any, quaternion: NDArray[Any]) -> None:
-    """Copy a quaternion (x, y, z, w) to a message part."""
+    """Copy a quaternion (x, y, z, w) to the fields of a ROS message."""
     part.x, part.y, part.z, part.w = quaternion.tolist()
 
 
-_REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
+_REMEMBERED = 5.0  # [s] for which diagnostics show a rejection as a warning
 WORLD_FRAME = 'odom'
 
 
 class FlyingDrone(EmulatedDrone):
-    """Pass rotor commands to the simulation, and track the node that answers the odometry.
+    """Pass rotor commands to the simulated drone, and publish its sensors.
+
+    The class also tracks which odometry messages a flight controller has answered by a command.
 
     Parameters
     ----------
@@ -118,7 +120,7 @@ class FlyingDrone(EmulatedDrone):
     prefix
         Prefix of the frame names.
     others
-        Odometry on other topics, which needs no answer.
+        Topics and sensors of further odometry, for which the simulation awaits no answer.
     """
 
     def __init__(
@@ -139,7 +141,7 @@ class FlyingDrone(EmulatedDrone):
         self._odometry_message = Odometry()
         self._odometry_message.header.frame_id = prefix + WORLD_FRAME
         self._odometry_message.child_frame_id = prefix + BODY_LINK
-        self._told_ns = 0
+        self._published_ns = 0
         self._others = [
             (node.create_publisher(topic.type, topic.name, topic.offered), sensor)
             for topic, sensor in others
@@ -160,25 +162,23 @@ class FlyingDrone(EmulatedDrone):
 
     @property
     def expects(self) -> bool:
-        """Whether a node answers the odometry."""
+        """Whether a flight controller answers the odometry with rotor commands."""
         return self._watch.expects
 
     def describe(self) -> Status:
-        """Return the drone's state and its reason for /diagnostics."""
+        """Return the drone's status for /diagnostics."""
         rotors, is_commanded = self._flight.rotors, self._flight.rotors.is_commanded
         level, text = DiagnosticStatus.OK, 'flying'
         if not self.is_flying:
             text = (
                 'the drone is supported until the motors hold the arm and the rotors lift the drone'
-            )
-            text = (
-                text if is_commanded else 'the drone is supported, because no rotor commands arrive'
+                if is_commanded
+                else 'the drone is supported, because no rotor_command arrives: start '
+                'flight_control'
             )
         elif not is_commanded:
-            level, text = (
-                DiagnosticStatus.WARN,
-                ('no rotor commands, so the rotors stop and the drone falls'),
-            )
+            level = DiagnosticStatus.WARN
+            text = 'no rotor commands arrive, so the rotors stop and the drone falls'
         if time.monotonic() - self._rejected_at < _REMEMBERED:
             level, text = DiagnosticStatus.WARN, rejection(self._rejection)
         values: dict[str, object] = {
@@ -189,7 +189,7 @@ class FlyingDrone(EmulatedDrone):
         return 'drone', level, text, values
 
     def update(self, mode: str, stamp_ns: int) -> None:
-        """Publish the messages that are due, and take the newest rotor command."""
+        """Sample the sensors, publish their messages, and apply the newest rotor command."""
         super().update(mode, stamp_ns)
         odometry = self._odometry.update(stamp_ns)
         for publisher, sensor in self._others:
@@ -208,23 +208,23 @@ class FlyingDrone(EmulatedDrone):
             self._publish_odometry(*odometry)
 
     def restart(self) -> None:
-        """Publish the present pose next, because a user has moved the drone."""
-        self._told_ns = 0
+        """Discard delayed sensor samples, because the arm and the drone were reset."""
+        self._published_ns = 0
         self._imu.restart()
         self._odometry.restart()
         for _, sensor in self._others:
             sensor.restart()
 
     def is_behind(self) -> bool:
-        """Return whether the last odometry still needs the answer of the flight controller."""
-        if not self._watch.awaits(self._told_ns):
+        """Return whether the simulation must wait for the answer to the last odometry."""
+        if not self._watch.awaits(self._published_ns):
             return False
         if self._commands.reader.publishers() == 0:
             self._watch.forget()  # the flight controller has ended
         return self._watch.expects
 
     def give_up(self) -> None:
-        """Stop waiting for answers until the next one arrives."""
+        """Stop waiting for answers to the odometry, until one arrives."""
         self._watch.give_up()
 
     def wait(self, timeout: float) -> None:
@@ -232,21 +232,21 @@ class FlyingDrone(EmulatedDrone):
         self._commands.reader.wait(timeout)
 
     def look(self) -> None:
-        """Take the newest rotor command, if there is one."""
+        """Apply the newest rotor command, if a new one has arrived."""
         command = self._commands.newest()
         if command is None:
             return
         stamp_ns, thrust = command
-        self._watch.note(stamp_ns, self._told_ns)
+        self._watch.note(stamp_ns, self._published_ns)
         self._flight.rotors.command(thrust)
 
     def republish(self) -> None:
-        """Republish the last odometry, for late subscribers."""
-        if self._told_ns:
+        """Publish the last odometry again, for late subscribers."""
+        if self._published_ns:
             self._odometry_publisher.publish(self._odometry_message)
 
     def destroy(self) -> None:
-        """Destroy publishers and subscription."""
+        """Destroy the publishers and the subscription."""
         super().destroy()
         others = [other for other, _ in self._others]
         if self._wall_forces:
@@ -256,7 +256,7 @@ class FlyingDrone(EmulatedDrone):
         self._commands.destroy()
 
     def _publish_odometry(self, stamp_ns: int, reading: OdometryReading) -> None:
-        self._told_ns = stamp_ns
+        self._published_ns = stamp_ns
         self._odometry_publisher.publish(self._filled(self._odometry_message, stamp_ns, reading))
 
     def _filled(self, message: Odometry, stamp_ns: int, reading: OdometryReading) -> Odometry:

@@ -1,4 +1,4 @@
-"""Design of an excitation trajectory in one call."""
+"""Python function that designs an excitation trajectory."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from aerarm_ros.pages.html_text import paragraph, table
 
 
 class PlannedExcitation:
-    """A feasible Fourier trajectory with quality figures of its excitation.
+    """Result of `plan_excitation`: a feasible Fourier trajectory and its condition number.
 
     Parameters
     ----------
     periods : int
-        Number of periods to play.
+        Number of periods in the motion.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class PlannedExcitation:
         return self._motion.duration
 
     def sample(self, rate: float = 1000.0) -> tuple[Array, JointReference]:
-        """Return the motion from rest to rest, sampled as controller references.
+        """Sample the complete motion, from rest to rest.
 
         Parameters
         ----------
@@ -91,11 +91,11 @@ class PlannedExcitation:
         return time, self._motion.evaluate(time)
 
     def summary(self) -> str:
-        """Return condition number, duration and the smallest margin to each limit, as text."""
+        """Return a text with the duration, condition number and smallest margin to each limit."""
         return f'{self._headline()}\n{self.result.report.as_table()}'
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the trajectory file that the node `excitation` plays.
+        """Write the trajectory to a file that the node `excitation` can play.
 
         Raises
         ------
@@ -114,11 +114,11 @@ class PlannedExcitation:
         )
 
     def __repr__(self) -> str:
-        """Return a text with the condition number."""
+        """Return a short text with duration and condition number."""
         return f'<PlannedExcitation: {self._headline()}>'
 
     def _repr_html_(self) -> str:
-        """Return an HTML table for a notebook."""
+        """Return an HTML table with the smallest margin to each limit, for a notebook."""
         rows = [
             [
                 margin.limit,
@@ -149,7 +149,7 @@ def plan_excitation(
     package_directories: Sequence[str | os.PathLike[str]] = (),
     acceleration_limit: npt.ArrayLike = np.inf,
 ) -> PlannedExcitation:
-    """Design a motion that excites an arm's parameters, within all its limits.
+    """Design an excitation for the identification of an arm, within all limits of the arm.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def plan_excitation(
     fundamental : float
         Fundamental frequency f0 [Hz].
     harmonics, periods : int
-        Number N of harmonics, and number of periods to play.
+        Number N of harmonics, and number of periods in the motion.
     seconds : float
         Time for the optimization [s]; 0 returns the first feasible random motion.
     seed : int
@@ -184,9 +184,11 @@ def plan_excitation(
         If an input cannot be used, or no motion is feasible; the message states what to check.
     """
     if not (np.isfinite(seconds) and seconds >= 0.0):
-        raise ExcitationError(f'seconds = {seconds:g} must not be negative')
+        raise ExcitationError(
+            f'seconds = {seconds:g} is not a valid optimization time: pass 0 or more seconds'
+        )
     if periods < 1:
-        raise ExcitationError(f'periods = {periods} must be at least 1')
+        raise ExcitationError(f'periods = {periods} is too small: pass at least 1')
     lock = [lock] if isinstance(lock, str) else list(lock)
     own = urdf is None
     file = None if room is None else Path(room)
@@ -197,11 +199,14 @@ def plan_excitation(
     arm = load_arm_config(None if config is None else Path(config)) if known else None
     if lock and (arm is not None or isinstance(urdf, Robot)):
         raise ExcitationError(
-            f'lock = {", ".join(lock)} needs the path of a URDF and no config: otherwise pass '
-            'load_robot(urdf, locked=...)'
+            f'lock = {", ".join(lock)} needs the path of a URDF as urdf, and no config: otherwise '
+            'pass load_robot(urdf, locked=...) as urdf'
         )
     if arm is not None and np.isfinite(acceleration_limit).any():
-        raise ExcitationError('acceleration_limit needs an arm without motors and gears: remove it')
+        raise ExcitationError(
+            'acceleration_limit needs an arm without a file of motors and gears: remove that '
+            'argument'
+        )
     robot = urdf if isinstance(urdf, Robot) else _robot(urdf, arm, lock)
     folders = tuple(Path(folder) for folder in package_directories)
     if arm is not None:
@@ -222,7 +227,7 @@ def _robot(
 
 
 def _designed(specification: DesignSpecification, seconds: float) -> DesignResult:
-    """Return the best design of as many random starts as the time allows."""
+    """Optimize from random starts for `seconds` [s], and return the best design."""
     end = time.monotonic() + seconds
     designer = TrajectoryDesigner(specification)
     best, start = designer.initial(0), 0

@@ -1,4 +1,4 @@
-"""Identification in one call."""
+"""Python functions that read recorded motion and identify an arm."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ from aerarm_ros.ros.programs.identifier_run import RESULT_FILES, terminal_table,
 
 
 class IdentifiedModel:
-    """Complete dynamic model of an arm: links, rotors, friction and gravity.
+    """Complete dynamic model of an identified arm: links, rotors, friction and gravity.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class IdentifiedModel:
         Raises
         ------
         ValueError
-            If the shapes differ from each other or from this arm's.
+            If q, dq and ddq have different shapes, or another number of joints than the arm.
         """
         motion = [np.asarray(values, dtype=float) for values in (q, dq, ddq)]
         shape = motion[0].shape
@@ -111,12 +111,12 @@ class IdentifiedModel:
 
 
 def load_identified(folder: str | os.PathLike[str]) -> IdentifiedModel:
-    """Load the complete model from an identification's output directory.
+    """Load the complete dynamic model from an output directory of the identifier.
 
     Parameters
     ----------
     folder : path
-        Directory with `estimate.yaml` and `identified.urdf`.
+        Directory with the files `estimate.yaml` and `identified.urdf`.
 
     Raises
     ------
@@ -131,12 +131,12 @@ def load_identified(folder: str | os.PathLike[str]) -> IdentifiedModel:
 
 
 class IdentifiedArm:
-    """An identified arm: its parameters, and the errors of its torque prediction.
+    """Result of `identify`: the arm's parameters, and the errors of the predicted torque.
 
     Parameters
     ----------
     result : IdentificationResult
-        Complete result, with more details than this class offers.
+        Complete result of the identification.
     seconds : dict of str to float
         Duration of each stage of the identification [s].
     """
@@ -147,7 +147,7 @@ class IdentifiedArm:
 
     @property
     def estimate(self) -> Estimate:
-        """Physically consistent parameters, with standard deviations."""
+        """Physically consistent parameters of the arm, with standard deviations."""
         return self.result.recommended.estimate
 
     @property
@@ -157,7 +157,7 @@ class IdentifiedArm:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by its name, such as `m_link1` or `fv_joint2`, in SI units."""
+        """All identified parameters by name, such as `m_link1` or `fv_joint2`, in SI units."""
         names = self.estimate.model.columns
         return dict(zip(names, self.estimate.theta.tolist(), strict=True))
 
@@ -187,38 +187,38 @@ class IdentifiedArm:
         Raises
         ------
         ValueError
-            If the shapes differ from each other or from this arm's.
+            If q, dq and ddq have different shapes, or another number of joints than the arm.
         """
         model = IdentifiedModel(self.result.robot, self.estimate)
         return model.torque(q, dq, ddq, is_motion=is_motion)
 
     @property
     def errors(self) -> list[BagAssessment]:
-        """Torque errors on the validation data, or on the identification data if there is none."""
+        """Torque errors per bag on the validation data, or else on the identification data."""
         recommended = self.result.recommended
         return recommended.validation or recommended.identification
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about the model's validity, with advice."""
+        """Warnings about the validity of the identified model, with advice."""
         return list(self.result.warnings)
 
     def summary(self) -> str:
-        """Return the torque errors of each solver on each bag, and warnings, as text."""
+        """Return a text with the torque errors of each solver on each bag, and the warnings."""
         lines = [terminal_table(self.result, {})]
         return '\n'.join(lines + [f'- {text}' for text in self.warnings])
 
     def as_dict(self) -> dict[str, object]:
-        """Return the figures of `summary.json`."""
+        """Return the content of `summary.json`, with the most important results."""
         return summarise(self.result, self._seconds, exports=export_errors(self.result))
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write the identifier's output: YAML, URDF, MJCF, SDF, summary.json and report.html.
+        """Write the output files of the identifier: YAML, URDF, MJCF, SDF, JSON and an HTML report.
 
         Parameters
         ----------
         folder : path
-            New or empty directory, or an earlier result, which is replaced.
+            New or empty directory, or a directory with an earlier result, which is replaced.
 
         Raises
         ------
@@ -232,7 +232,7 @@ class IdentifiedArm:
         return directory.target
 
     def __repr__(self) -> str:
-        """Return a text with the torque error."""
+        """Return a short text with the largest torque error of all bags."""
         worst = max(self.errors, key=lambda bag: bag.filtered)
         return (
             f'<IdentifiedArm {self.result.robot.model.name}: torque error {worst.filtered:.2f} % '
@@ -241,7 +241,7 @@ class IdentifiedArm:
         )
 
     def _repr_html_(self) -> str:
-        """Return HTML tables for a notebook."""
+        """Return HTML tables of torque errors and parameters, for a notebook."""
         parts = [error_table(self.result)]
         if self.warnings:
             parts.append(bullets(self.warnings, 'warnings'))
@@ -250,10 +250,10 @@ class IdentifiedArm:
 
 
 Motion = TableStates
-'Recording of n joints: names, stamp (M,), position, velocity and effort (M, n).'
+"""Recorded motion of n joints: names, stamp (M,), position, velocity and effort (M, n)."""
 
 NUMBERED = tuple(f'joint{i}' for i in range(1, 33))
-'Default names of joints without names, from base to tool.'
+"""Default joint names for recordings without joint names, from base to tool."""
 
 
 def read_bag(
@@ -264,7 +264,7 @@ def read_bag(
     degrees: bool = False,
     numbered_from: int | None = None,
 ) -> Motion:
-    """Read the joint states of a bag or a table as arrays.
+    """Read the joint states in a bag or a table file as arrays.
 
     Parameters
     ----------
@@ -273,9 +273,9 @@ def read_bag(
     topic : str
         JointState topic in the bag.
     rate : float, optional
-        Rate of the rows [Hz], for a table without time.
+        Rate of the rows [Hz], for a table without a column of time.
     degrees : bool
-        Whether a table's angles are in degrees.
+        Whether the angles of a table are in degrees.
     numbered_from : {0, 1}, optional
         Number of the first joint in a table's columns; detected from the columns by default.
 
@@ -301,7 +301,7 @@ def from_arrays(
     dq: npt.ArrayLike | None = None,
     names: Sequence[str] | None = None,
 ) -> Motion:
-    """Create a motion from arrays or lists.
+    """Create a recorded motion from arrays or lists.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def from_arrays(
     Raises
     ------
     IdentificationError
-        If a shape is wrong.
+        If an array has the wrong shape.
     """
     stamp = _numbers('time', time)
     if stamp.ndim != 1:
@@ -333,14 +333,15 @@ def from_arrays(
     joints = NUMBERED[: position.shape[1]] if names is None else tuple(names)
     if len(joints) != position.shape[1]:
         raise IdentificationError(
-            f'{len(joints)} joint names for the {position.shape[1]} joints of q'
+            f'q has {position.shape[1]} columns, but names has {len(joints)} joint names: pass one '
+            'name per column'
         )
     velocity, effort = (_like(position, *given) for given in (('dq', dq), ('tau', tau)))
     return Motion(joints, stamp, position, velocity, effort)
 
 
 def _like(position: Array, word: str, given: npt.ArrayLike | None) -> Array:
-    """Return values as an array of the positions' shape (M, n), filled with NaN without values."""
+    """Return `given` as an array with the shape of `position` (M, n), filled with NaN if None."""
     if given is None:
         return np.full_like(position, np.nan)
     array = _numbers(word, given)
@@ -355,11 +356,13 @@ def _numbers(word: str, values: npt.ArrayLike) -> Array:
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
-        raise IdentificationError(f'{word} must contain numbers, in rows of equal length') from None
+        raise IdentificationError(
+            f'{word} is not an array of numbers: pass numbers, in rows of equal length'
+        ) from None
 
 
 Bag = str | os.PathLike[str] | Motion
-"""A bag's or a table's path, or a motion."""
+"""Path of a bag or table file, or a recorded motion."""
 
 
 def identify(
@@ -378,7 +381,7 @@ def identify(
     cutoff: float | None = None,
     options: IdentificationOptions | None = None,
 ) -> IdentifiedArm:
-    """Identify an arm from recorded motion, like the `identifier` command.
+    """Identify an arm from recorded motion, as the command `identifier` does.
 
     Parameters
     ----------
@@ -413,7 +416,9 @@ def identify(
         If an input cannot be used; the message states what to check.
     """
     if not 0.0 <= holdout < 1.0:
-        raise IdentificationError(f'holdout = {holdout:g} must lie in 0 .. 1')
+        raise IdentificationError(
+            f'holdout = {holdout:g} is invalid: pass a fraction of at least 0 and below 1'
+        )
     known = urdf is None or config is not None
     arm = load_arm_config(None if config is None else Path(config)) if known else None
     robot = _robot(urdf, _words(lock), gravity, arm.gravity_in_base if arm else STANDARD_GRAVITY)
@@ -421,7 +426,9 @@ def identify(
     reader = IdentifierBags(topic, robot.joint_names, mapping)
     groups = _listed('bags', bags), _listed('validation', validation)
     if not groups[0]:
-        raise IdentificationError('no bag to identify from: pass at least one')
+        raise IdentificationError(
+            'no bag to identify from: pass at least one bag, table or motion as bags'
+        )
     paths = [[Path(bag) for bag in group if not isinstance(bag, Motion)] for group in groups]
     names = bag_names([*paths[0], *paths[1]])
     first, second = (
@@ -447,14 +454,14 @@ def identify(
 
 
 def _listed(word: str, bags: Bag | Iterable[Bag]) -> list[Bag]:
-    """Return one or several bags as a checked list."""
+    """Return one or several bags as a list, or raise IdentificationError for another type."""
     one = not isinstance(bags, Iterable) or isinstance(bags, str | os.PathLike | Motion)
     listed: list[Bag] = [bags] if one else list(bags)  # type: ignore[list-item, arg-type]
     for bag in listed:
         if not isinstance(bag, str | os.PathLike | Motion):
             raise IdentificationError(
-                f'{word} contains a {type(bag).__name__}, which is neither a path nor a motion: '
-                'convert arrays with from_arrays(time, q, tau)'
+                f'{word} contains an object of type {type(bag).__name__}, which is neither a path '
+                'nor a motion: convert arrays with from_arrays(time, q, tau)'
             )
     return listed
 
@@ -472,8 +479,8 @@ def _robot(
     if isinstance(urdf, Robot):
         if lock:
             raise IdentificationError(
-                f'lock = {", ".join(lock)} needs the path of a URDF: otherwise pass '
-                'load_robot(urdf, locked=...)'
+                f'lock = {", ".join(lock)} needs the path of a URDF as urdf: otherwise pass '
+                'load_robot(urdf, locked=...) as urdf'
             )
         return urdf if gravity is None else urdf.with_gravity(gravity)
     path = None if urdf is None else Path(urdf)

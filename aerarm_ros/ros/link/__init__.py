@@ -1,1 +1,1 @@
-"""`ground_link`: offer the drone's topics and services on the ground over one connection."""
+"""Node `ground_link`, which offers the drone's topics and services on a ground computer."""

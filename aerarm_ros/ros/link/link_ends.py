@@ -1,4 +1,4 @@
-"""The two ends of `ground_link`: socket, connection, relays, diagnostics and watchdog."""
+"""The two processes of `ground_link`, on the drone and on the ground computer."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ CONTINUE, STOP, HOME = 'continue', 'stop', 'home'
 
 
 class GroundWatchdog:
-    """Stop the motion, or move the arm home, after `ground_timeout` without ground datagrams.
+    """Stop the arm's motion or move the arm home if no datagrams arrive from the ground.
 
     Each action is one message on one topic, because a controller may process messages of two topics
     in any order. A controller that receives a set point during a motion first stops on its path.
@@ -58,7 +58,7 @@ class GroundWatchdog:
     node
         Owner of the publishers.
     values
-        `ground_timeout` [s], 0 to do nothing; `ground_lost`; `config` and `tf_prefix` of the arm.
+        `ground_timeout` [s], 0 for no action; `ground_lost`; `config` and `tf_prefix` of the arm.
 
     Attributes
     ----------
@@ -82,13 +82,16 @@ class GroundWatchdog:
 
     @property
     def text(self) -> str:
-        """Description of the watchdog's action."""
+        """Action of the watchdog and its timeout, for diagnostics."""
         if not self._timeout:
             return CONTINUE
         return f'{self._action} after {self._timeout:g} s'
 
     def update(self, now: float, last_received: float) -> None:
-        """Act once per loss of connection, but not before the ground computer's first message."""
+        """Stop the arm or move it home once per loss of connection, at the time `now` [s].
+
+        Before the ground has connected once, the watchdog does not act.
+        """
         is_lost = 0.0 < self._timeout < now - last_received < inf
         if not is_lost:
             self.problem = ''
@@ -97,7 +100,7 @@ class GroundWatchdog:
             self._node.get_logger().warning(self.problem)
 
     def warning(self) -> str:
-        """Return which controller would ignore the watchdog's request, or an empty text."""
+        """Return a warning if a controller does not subscribe to the watchdog's message, or ''."""
         names = self._ignorant()
         if not names:
             return ''
@@ -119,7 +122,7 @@ class GroundWatchdog:
         return 'the motion stops along its path'
 
     def _ignorant(self) -> str:
-        """Return the nodes that command the arm and do not receive the watchdog's request."""
+        """Return the nodes that command the arm but do not subscribe to the watchdog's message."""
         if not self._timeout or self._action == CONTINUE:
             return ''
         commands = self._node.resolve_topic_name(topics.JOINT_COMMAND.name)
@@ -132,18 +135,20 @@ class GroundWatchdog:
 DRONE, GROUND = 'drone', 'ground'
 
 _TICK = 0.02  # [s] for at most 50 datagrams per second from each end
-_GROUND_TICK = 0.04  # [s] while only acknowledgements are sent
-_CUT_TICK = 0.1  # [s] while the other end is silent
+_GROUND_TICK = 0.04  # [s] while the ground sends acknowledgements only
+_CUT_TICK = 0.1  # [s] while the connection is lost
 _POLL = 0.005  # [s] between two checks for requests on the ground
 _RATES = {DRONE: 26_000.0, GROUND: 9_000.0}  # bytes/s: 0.28 Mbit/s in total
 _BUFFER = 8192  # bytes; a slow radio must not queue old datagrams
-_CLOCK_MAX = 0.02  # [s]
-_CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another cause than loss
+_CLOCK_MAX = 0.02  # [s] offset of the clocks, above which the link warns
+# [s] Shortest interruption that the link reports. At 20 % loss, single lost datagrams do not cause
+# an interruption of this length.
+_CUT_MIN = 0.4
 _DATAGRAM_MAX = 2048
 _STOP_CHANNELS = (STOPS, STOP_RESULTS)
 _REFLECT_EVERY = 1.0  # [s]
 _KEY_LOG_EVERY = 10.0  # [s] between two warnings of other keys
-_JOINS, _JOINS_TIME = 3, 10.0  # connections in a time [s], which several grounds cause
+_JOINS, _JOINS_TIME = 3, 10.0  # so many connections within so many seconds show several grounds
 _DATAGRAMS_MAX = 64  # received in one step, so that a flood does not keep this end from sending
 # Exceptions caused by messages of another version of `ground_link`, or by a full disk.
 _MALFORMED = (
@@ -154,7 +159,7 @@ _Address = tuple[str, int]
 
 
 class LinkEnd:
-    """Common part of both ends.
+    """Common part of the processes on the drone and on the ground computer.
 
     Parameters
     ----------
@@ -163,7 +168,7 @@ class LinkEnd:
     values
         Parameters of `ground_link`.
     key
-        Shared key.
+        Key that both ends share.
     """
 
     role = ''
@@ -182,7 +187,7 @@ class LinkEnd:
         self._was_up = False
         self._key_problem = self._key_logged = ''
         self._key_logged_at = -inf
-        self._away = 0.0  # [s] length of the other end's last silence
+        self._away = 0.0  # [s] length of the last interruption
         self._peers = 0
         self._joins: deque[float] = deque(maxlen=_JOINS)
         self._counted = (0, 0)
@@ -192,7 +197,7 @@ class LinkEnd:
         self._stranger = ''  # address of a datagram that was ignored since the last report
 
     def step(self) -> None:
-        """Wait for a datagram or the next check, and do the due work."""
+        """Wait at most 5 ms for datagrams, process them, and send a datagram periodically."""
         with contextlib.suppress(InterruptedError):
             select.select([self._socket], [], [], _POLL)
         before = self.connection.last_received
@@ -225,24 +230,24 @@ class LinkEnd:
         raise NotImplementedError
 
     def _update(self, now: float) -> bool:
-        """Do the due work; return whether a message must be sent at once."""
+        """Update relays and watchdog at `now` [s]; return whether to send a datagram soon."""
         raise NotImplementedError
 
     def _greet(self) -> None:
-        """Send latched messages, stream layouts and services to the other end after its start."""
+        """Send latched messages, layouts and services, because the other end has just started."""
 
     def _on_newest(self, address: _Address) -> None:
-        """Process the address of the newest datagram of the other end."""
+        """Process the sender's address of the newest datagram."""
 
     def _on_rejected(self, datagram: bytes, address: _Address) -> None:
-        """Warn of a datagram that the key does not authenticate, while the other end is silent."""
+        """Warn of a datagram that was sealed with another key, while no connection exists."""
         now = time.monotonic()
         if not looks_sealed(datagram) or self.connection.is_up(now):
             return
         self._key_problem = (
-            f'the key of {address[0]} is not the key of this host ({self._values.key_file}): copy '
-            "the drone's key file to the ground, use one version of aerarm_ros on both hosts, and "
-            'start ground_link again'
+            f'the key of {address[0]} differs from the key of this host '
+            f"({self._values.key_file}): copy the drone's key file to the ground, use the same "
+            'version of aerarm_ros on both hosts, and restart ground_link'
         )
         if self._key_problem != self._key_logged and now - self._key_logged_at >= _KEY_LOG_EVERY:
             self._key_logged, self._key_logged_at = self._key_problem, now
@@ -293,7 +298,7 @@ class LinkEnd:
         self._send_datagram(self.connection.datagram(1e-9 * now_ns, now_ns, time.time_ns()))
 
     def _send_datagram(self, datagram: bytes, address: _Address | None = None) -> bool:
-        """Send a datagram, by default to the other end; return whether it left this host."""
+        """Send a datagram, by default to the other end; return whether the socket accepted it."""
         address = address or self._address
         assert address is not None
         try:
@@ -307,8 +312,8 @@ class LinkEnd:
         self._malformed += 1
         if self._malformed == 1:
             self._node.get_logger().warning(
-                f'channel {received.channel} of the {self.other} cannot be decoded ({error!r}): '
-                'install the same version of aerarm_ros on both hosts'
+                f'this host cannot decode channel {received.channel} of the {self.other} '
+                f'({error!r}): install the same version of aerarm_ros on both hosts'
             )
 
     def _note_return(self, before: float, now: float) -> None:
@@ -380,7 +385,7 @@ class LinkEnd:
 
 
 class DroneEnd(LinkEnd):
-    """The drone's end, which serves one ground computer."""
+    """Process of `ground_link` on the drone, which serves one ground computer."""
 
     role, other = DRONE, GROUND
 
@@ -402,7 +407,7 @@ class DroneEnd(LinkEnd):
         self._ticked = self._reflected = -inf
 
     def close(self) -> None:
-        """Complete a bag, close the socket and destroy the subscriptions."""
+        """Complete the bag of a running recording, close the socket, and destroy subscriptions."""
         self._recordings.close()
         self._topics.destroy()
         super().close()
@@ -412,7 +417,7 @@ class DroneEnd(LinkEnd):
 
     def _on_rejected(self, datagram: bytes, address: _Address) -> None:
         super()._on_rejected(datagram, address)
-        # The ground rejects its own datagram too, and so learns that the drone has another key.
+        # The ground rejects its own datagram too, which shows it that the drone has another key.
         now = time.monotonic()
         if self._key_problem and now - self._reflected >= _REFLECT_EVERY:
             self._reflected = now
@@ -437,7 +442,7 @@ class DroneEnd(LinkEnd):
             self._watchdog.update(now, self.connection.last_received)
             try:
                 self._recordings.update(now, self.connection.last_received)
-            except _MALFORMED as error:  # a full disk, for example, must not end the e-stop's way
+            except _MALFORMED as error:  # a full disk, for example, must not block e-stops
                 self._recordings.fail(error)
         if self._address is not None:
             self._recordings.send(self._send_datagram)
@@ -457,7 +462,7 @@ class DroneEnd(LinkEnd):
 
 
 class GroundEnd(LinkEnd):
-    """The ground computer's end, which connects to its drone at one address."""
+    """Process of `ground_link` on the ground computer, which connects to one drone."""
 
     role, other = GROUND, DRONE
 
@@ -465,8 +470,8 @@ class GroundEnd(LinkEnd):
         super().__init__(node, values, key)
         if not values.drone:
             raise ValueError(
-                'the address of the drone is missing: set -p drone:=ADDRESS, for example '
-                'drone:="\'10.0.0.2\'"'
+                'the parameter drone, the address of the drone, is missing: set -p '
+                'drone:=ADDRESS, for example drone:="\'10.0.0.2\'"'
             )
         self._address = _ip_address(DRONE, values.drone), values.port
         node.get_logger().info(
@@ -486,7 +491,7 @@ class GroundEnd(LinkEnd):
         }
 
     def close(self) -> None:
-        """Close the socket and destroy the subscriptions."""
+        """Close the socket and destroy subscriptions."""
         self._recordings.destroy()
         self._topics.destroy()
         super().close()
@@ -526,9 +531,7 @@ class GroundEnd(LinkEnd):
 
     def _note_expired(self, topic: str) -> None:
         self._expired += 1
-        self._log(
-            True, f'a command on {topic} was not delivered in time and is dropped: send it again'
-        )
+        self._log(True, f'a command on {topic} did not reach the drone in time: send it again')
 
     def _log(self, is_warning: bool, text: str) -> None:
         # rclpy fixes the severity of each line of code that logs.
@@ -543,17 +546,18 @@ def _ip_address(role: str, host: str) -> str:
         return socket.gethostbyname(host)
     except OSError as error:
         raise ValueError(
-            f"{role} '{host}' is not reachable ({error.strerror}): set its address"
+            f"the host name '{host}' in the parameter {role} is unknown ({error.strerror}): use "
+            'an IP address'
         ) from None
 
 
 class RemoteControllers:
-    """Find controllers on the ground, whose `joint_command` does not reach the drone.
+    """Warn of controllers on the ground, because the link does not relay `joint_command`.
 
     Parameters
     ----------
     node
-        Node whose graph is searched and whose log is used.
+        Node with whose ROS graph controllers are found, and which logs warnings.
     """
 
     def __init__(self, node: Node) -> None:
@@ -562,15 +566,15 @@ class RemoteControllers:
         self._known: list[str] = []
 
     def problem(self) -> str:
-        """Return the nodes that cannot command the arm, with the reason, or an empty text."""
+        """Return and log a warning about controllers on this host, or return an empty text."""
         ends = self._node.get_publishers_info_by_topic(self._topic)
         names = sorted({endpoint_name(end) for end in ends} - {'', self._own})
         text = ''
         if names:
             text = (
-                f'{" and ".join(names)} cannot command the arm from this host: joint_command does '
-                'not pass to the drone, where a late command damps the arm. Run the controller '
-                'on the drone; AERARM_NETWORK=open on both hosts allows it here'
+                f'{" and ".join(names)} cannot command the arm from this host: ground_link does '
+                'not relay joint_command, because a late command damps the arm. Run the '
+                'controller on the drone, or set AERARM_NETWORK=open on both hosts'
             )
         if names != self._known:
             self._known = names

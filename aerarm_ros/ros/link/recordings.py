@@ -1,4 +1,4 @@
-"""Recordings that the ground requests: the drone records, the ground fetches the bag."""
+"""Recording of bags on the drone, and their transfer to the ground computer."""
 
 from __future__ import annotations
 
@@ -28,39 +28,39 @@ from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name, questions
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 BAG_REQUESTS, BAG_REPORTS, QUESTIONS, BLOCKS = range(1006, 1010)
-"""Channels of requests and reports for recordings, of block requests, and of blocks."""
+"""Channels for recording requests and reports, and for block requests and blocks."""
 RECORD, WATCH, FINISH = 'record', 'watch', 'finish'
-"""Requests: record a bag, report its state, or complete and fetch it."""
+"""Requests of the ground: record a bag, report its state, or complete and fetch it."""
 REQUESTED, RECORDING, ENDED, STORED, WAITING, FETCHING, COMPLETE, FAILED = (
     *('requested', 'recording', 'ended', 'stored'),
     *('waiting', 'fetching', 'complete', 'failed'),
 )
-"""States of a request in reports: `ENDED` if the recording ended without it, `WAITING` for the
-fetch of another bag.
+"""States of a request in reports. `ENDED` means that the recording ended for another reason than
+a request. `WAITING` means that the link first fetches another bag.
 """
 
 METADATA = 'metadata.yaml'
 _REPORT_PERIOD = 0.5  # [s]
 _MATCHING_TIME = 20.0  # [s] for the recorder to find a bridge on a busy computer
-_SILENCE_MAX = 600.0  # [s] of the ground, after which the drone completes the bag
-_BURST = 3  # datagrams of blocks per step: what the socket's buffer holds
+_SILENCE_MAX = 600.0  # [s] without a datagram of the ground; then the drone completes the bag
+_BURST = 3  # datagrams of blocks per step, which fit into the socket's buffer
 _START_LIFETIME = 2.0  # [s] in which a request to record must reach the drone
-_STALL = 1.0  # [s] without a block, after which the ground asks for the bag again
-_SERVED_MAX = 4  # bags that are offered at a time
+_STALL = 1.0  # [s] without a block, after which the ground requests the bag again
+_SERVED_MAX = 4  # bags that the drone offers at the same time
 _IDS_MAX = 16  # requests that wait for an answer
 
 
 class DroneRecordings:
-    """Runs the recorder for the ground and serves its bags.
+    """Run a recorder on the drone at the ground's request, and send its bags to the ground.
 
     Parameters
     ----------
     node
-        In whose namespace the recorder runs.
+        Node of the link; the recorder runs in its namespace.
     connection
-        To the ground.
+        Connection to the ground computer.
     values
-        `bags`, the folder for bags.
+        Parameters of `ground_link`, of which `bags` is the folder for bags.
     """
 
     def __init__(self, node: Node, connection: Connection, values: SimpleNamespace) -> None:
@@ -80,7 +80,7 @@ class DroneRecordings:
         self._has_states = self._is_ending = False
 
     def take_request(self, content: bytes) -> None:
-        """Execute a recording request of the ground."""
+        """Execute a request of the ground to record, report or complete a bag."""
         request = json.loads(content)
         name, do, key = (str(request[field]) for field in ('name', 'do', 'id'))
         actions = {RECORD: self._record, WATCH: self._watch, FINISH: self._finish}
@@ -88,7 +88,10 @@ class DroneRecordings:
             text = f"'{name}' is not a bag name: use letters, digits, _, - and ."
             self._report(key, name, FAILED, text)
         elif do not in actions:
-            text = f"the drone does not know the request '{do}': install the same version there"
+            text = (
+                f"unknown request '{do}' to the drone: install the same version of aerarm_ros on "
+                'both hosts'
+            )
             self._report(key, name, FAILED, text)
         else:
             try:
@@ -97,7 +100,7 @@ class DroneRecordings:
                 self._report(key, name, FAILED, f'{self._folder} on the drone: {error}')
 
     def fail(self, error: Exception) -> None:
-        """Report an error of the recording, and let the recorder complete its bag."""
+        """Report an error of the recording, and request the recorder to complete its bag."""
         if self._process is not None and self._process.returncode is not None:
             self._process = None
         elif self._is_ending:
@@ -107,20 +110,20 @@ class DroneRecordings:
         self._ask_to_end()
 
     def take_question(self, content: bytes) -> None:
-        """Store which blocks the ground requests."""
+        """Store the numbers of the blocks that the ground requests."""
         number, places = questions(content)
         if number in self._served:
             self._places.extend((number, place) for place in places)
 
     def update(self, now: float, last_received: float) -> None:
-        """Monitor the recorder; complete the bag if the ground stays silent."""
+        """Check the recorder, and complete the bag after 10 min without datagrams of the ground."""
         if self._process is None:
             return
         if self._process.returncode is not None:
             self._end()
         elif not self._is_ending and 0.0 < now - last_received - _SILENCE_MAX < inf:
             self._reason = (
-                f'the drone completed it, because the ground was silent for {_SILENCE_MAX:g} s'
+                f'the drone completed the bag, because the ground was silent for {_SILENCE_MAX:g} s'
             )
             self._node.get_logger().warning(f'bag {self._name}: {self._reason}')
             self._ask_to_end()
@@ -131,12 +134,12 @@ class DroneRecordings:
                 self._report(self._record_id, self._name, RECORDING)
 
     def send(self, send: Callable[[bytes], bool]) -> bool:
-        """Send some of the requested blocks; return whether there are more.
+        """Send at most three requested blocks; return whether further blocks are waiting.
 
         Parameters
         ----------
         send
-            Sends a datagram and returns whether the radio took it.
+            Function that sends a datagram and returns whether the socket accepted it.
         """
         for _ in range(_BURST):
             if not self._places:
@@ -161,7 +164,7 @@ class DroneRecordings:
         return bool(self._places)
 
     def close(self) -> None:
-        """Complete the bag that is being recorded, and remove the recorder's logs."""
+        """Complete the bag of a running recording, and delete the recorder's logs."""
         if self._process is not None:
             self._process.stop()
         for served in self._served.values():
@@ -175,12 +178,12 @@ class DroneRecordings:
             if name == self._name:
                 self._watch(name, key)
             else:
-                text = f'the drone records bag {self._name}: finish that first'
+                text = f'the drone is still recording {self._name}: end that recording first'
                 self._report(key, name, FAILED, text)
             return
         bag = self._folder / name
         if bag.exists():
-            text = f'the drone has a bag {name} already: choose another name, '
+            text = f'the drone already has a bag {name}: choose another name, '
             self._report(key, name, FAILED, text + f"or fetch it with 'arm fetch {name}'")
             return
         self._logs = self._logs or Path(tempfile.mkdtemp(prefix='aerarm_recordings_'))
@@ -195,7 +198,7 @@ class DroneRecordings:
         except OSError as error:
             self._report(key, name, FAILED, f'{self._folder} on the drone: {error.strerror}')
             return
-        # It inherits the real-time priority of this process, and must not compete with the loop.
+        # The recorder inherits the real-time priority of this process, which would slow the bridge.
         with suppress(OSError):
             os.sched_setscheduler(self._process.pid, os.SCHED_OTHER, os.sched_param(0))
         self._name, self._record_id, self._reason = name, key, ''
@@ -204,9 +207,9 @@ class DroneRecordings:
         self._node.get_logger().info(f'recording {bag} for the ground')
 
     def _is_recording(self) -> bool:
-        """Return whether the recorder has begun and found the bridge, which takes a second or two.
+        """Return whether the recorder records joint states, 1 to 2 s after its start.
 
-        Without a bridge it counts as recording after a while.
+        If no bridge runs, the recorder counts as recording after 20 s.
         """
         bag = self._folder / self._name
         message = self._status.take_newest()
@@ -221,7 +224,7 @@ class DroneRecordings:
         return self._has_states or time.monotonic() > self._patience
 
     def _watch(self, name: str, key: str) -> None:
-        """Report the state of a recording soon."""
+        """Schedule a report of a running recording, or report at once that it has ended."""
         if self._process is not None and name == self._name:
             self._record_id, self._report_due = key, 0.0
             return
@@ -239,11 +242,11 @@ class DroneRecordings:
         if key not in self._finish_ids:
             self._finish_ids.append(key)
         if (self._folder / name / METADATA).is_file():
-            self._reason = self._reason or 'a request to fetch the bag ended it'
+            self._reason = self._reason or 'a request to fetch the bag ended the recording'
             self._ask_to_end()
 
     def _ask_to_end(self) -> None:
-        """Let the recorder complete its bag; a second signal would end it at once."""
+        """Request the recorder once to complete its bag and end; a second signal would kill it."""
         if self._process is not None and not self._is_ending:
             self._is_ending = True
             self._process.ask_to_end()
@@ -254,28 +257,28 @@ class DroneRecordings:
         words = self._process.tail(1)
         self._process = None
         if status:
-            self._reason = f'the recorder failed on the drone (status {status}): {words}'
-        text = self._reason or f'the recorder ended by itself: {words}'
+            self._reason = f'the recorder on the drone failed (exit status {status}): {words}'
+        text = self._reason or f'the recorder on the drone ended without a request: {words}'
         self._node.get_logger().info(f'recording of {self._name} ended: {text}')
         self._ended = {self._name: text}
         self._report_end(self._name, self._record_id, text)
         while self._finish_ids:
             key = self._finish_ids.popleft()
             if status:
-                advice = f"; 'arm fetch {self._name}' fetches what was recorded"
+                advice = f"; run 'arm fetch {self._name}' to fetch the incomplete bag"
                 self._report(key, self._name, FAILED, text + advice)
             else:
                 self._offer(self._name, key)
 
     def _offer(self, name: str, key: str) -> None:
-        """Let the ground fetch a bag."""
+        """Offer a bag to the ground, or report why the drone cannot offer it."""
         bag = self._folder / name
         if not (bag / METADATA).is_file():
             self._report(key, name, FAILED, f'the drone has no bag {name} in {self._folder}')
             return
         if is_being_written(bag):
-            text = f'a recorder on the drone is still recording {name}: end it, or wait until it '
-            self._report(key, name, FAILED, text + f"ends, then run 'arm fetch {name}'")
+            text = f'another recorder on the drone is still recording {name}: end that recorder, '
+            self._report(key, name, FAILED, text + f"then run 'arm fetch {name}'")
             return
         number = (self._number + 1) & 0xFFFF
         server = FileServer(bag, number)
@@ -293,11 +296,11 @@ class DroneRecordings:
         self._report(key, name, STORED, number=number, files=served.server.manifest)
 
     def _withdraw(self, number: int, error: OSError) -> None:
-        """Report that a bag cannot be read, and no longer offer it."""
+        """Withdraw the offer of a bag, and report that the drone cannot read it."""
         served = self._served.pop(number)
         served.server.close()
         self._report(served.key, served.name, FAILED,
-                     f'bag {served.name} cannot be read on the drone: {error}')  # fmt: skip
+                     f'the drone cannot read bag {served.name}: {error}')  # fmt: skip
 
     def _report(self, key: str, name: str, state: str, text: str = '', **more: object) -> None:
         content = {'id': key, 'name': name, 'state': state, 'text': text, **more}
@@ -306,7 +309,7 @@ class DroneRecordings:
 
 @dataclass
 class _Served:
-    """Bag that this end offers for download, and the newest request for it."""
+    """Bag that the drone offers for transfer, and the identifier of the newest request for it."""
 
     name: str
     key: str
@@ -314,10 +317,10 @@ class _Served:
 
 
 class GroundRecordings:
-    """Takes requests of this host to record on the drone, and fetches bags.
+    """Forward recording requests of nodes on the ground to the drone, and fetch bags.
 
     Requests and reports are JSON objects on `record_request` and `record_report`. A request
-    contains `id`, a text chosen by its sender; `ids` of a report lists the requests that it
+    contains `id`, a text chosen by its sender. A report lists in `ids` the requests that it
     answers.
 
     Parameters
@@ -325,9 +328,9 @@ class GroundRecordings:
     node
         Owner of subscription and publisher.
     connection
-        To the drone.
+        Connection to the drone.
     values
-        `fetch_rate` [Mbit/s].
+        Parameters of `ground_link`, of which `fetch_rate` [Mbit/s] limits the transfer.
     """
 
     def __init__(self, node: Node, connection: Connection, values: SimpleNamespace) -> None:
@@ -344,9 +347,10 @@ class GroundRecordings:
         self._report_due = self._stalled_at = inf
 
     def update(self, now: float, is_due: bool) -> bool:
-        """Forward requests and request blocks; return whether there is something to send.
+        """Forward recording requests and request blocks; return whether to send a datagram soon.
 
-        A question replaces the one before, so blocks are only asked for if a datagram `is_due`.
+        `is_due` means that the next datagram may be sent now. Only then blocks are requested,
+        because a new block request replaces an unsent one.
         """
         while (message := self._reader.take()) is not None:
             self._take_local(deserialize_message(message[0], String).data, now)
@@ -363,7 +367,7 @@ class GroundRecordings:
         if not connection.is_up(now) or fetch.is_storing:
             self._stalled_at = now + _STALL
         elif now > self._stalled_at:
-            # The drone's ground_link may have started again, and offers nothing yet.
+            # A restarted ground_link on the drone offers no bag before a request.
             self._stalled_at = now + _STALL
             self._forward(FINISH, self._fetched, self._ids[0], now + _START_LIFETIME)
         if not is_due:
@@ -381,7 +385,7 @@ class GroundRecordings:
         return True
 
     def take_report(self, content: bytes) -> None:
-        """Start, continue or end the copy of a bag as a report of the drone's recorder states."""
+        """Start, continue or end the transfer of a bag according to a report of the drone."""
         report = json.loads(content)
         key, name, state = (str(report[field]) for field in ('id', 'name', 'state'))
         is_fetched = self._fetch is not None and key in self._ids
@@ -396,7 +400,7 @@ class GroundRecordings:
             self._publish([key], {**report, 'text': str(report['text'])})
 
     def take_block(self, content: bytes) -> None:
-        """Store a block of a bag."""
+        """Store a received block of the bag that is being fetched."""
         if self._fetch is None:
             return
         self._stalled_at = time.monotonic() + _STALL
@@ -406,7 +410,7 @@ class GroundRecordings:
             self._fail(f'{self._folder}: {error.strerror}')
 
     def destroy(self) -> None:
-        """Destroy the subscription, and close the file that is being written."""
+        """Destroy the subscription, and close the incomplete file."""
         if self._fetch is not None:
             self._fetch.close()
         self._reader.destroy()
@@ -417,10 +421,13 @@ class GroundRecordings:
             name, do, key = (str(request[field]) for field in ('name', 'do', 'id'))
             folder = Path(request['folder'])
         except (ValueError, LookupError, TypeError, RecursionError):
-            return  # of another program
+            return  # a malformed message of another program
         if do == FINISH and self._fetch is not None and self._fetched == name:
             if folder != self._folder:
-                text = f'ground_link fetches {name} into {self._folder}: wait for that'
+                text = (
+                    f'ground_link is already fetching {name} into {self._folder}: wait until it '
+                    'has finished'
+                )
                 self._publish([key], {'name': name, 'state': FAILED, 'text': text})
                 return
             if key not in self._ids:
@@ -435,14 +442,14 @@ class GroundRecordings:
         self._forward(do, name, key, inf if do == FINISH else now + _START_LIFETIME)
 
     def _forward(self, do: str, name: str, key: str, expires: float) -> None:
-        """Send a request to the drone, unless it is on its way."""
+        """Send a recording request to the drone, unless it was sent and is not acknowledged yet."""
         if key not in self._messages and len(self._messages) < _IDS_MAX:
             content = json.dumps({'do': do, 'name': name, 'id': key}).encode()
             self._messages[key] = self._connection.send(BAG_REQUESTS, content, PROMPT, expires)
 
     def _begin(self, name: str, key: str, report: dict[str, object]) -> None:
         if self._fetch is not None and name != self._fetched:
-            text = f'ground_link fetches {self._fetched} first'
+            text = f'ground_link first fetches the bag {self._fetched}'
             self._publish([key], {'name': name, 'state': WAITING, 'text': text})
             return
         number = int(str(report['number']))

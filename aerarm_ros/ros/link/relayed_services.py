@@ -1,4 +1,4 @@
-"""Services of the drone, offered on the ground under the same names."""
+"""Relay of service calls from the ground computer to nodes on the drone."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SERVICE_TYPES: Mapping[str, Any] = MappingProxyType(
         },
     }
 )
-"""Types of relayed services, by their names in ROS."""
+"""Types of the services that `ground_link` relays, by their names in ROS."""
 E_STOP = 'e_stop'
 
 _CALL = struct.Struct('<IH')  # number, length of the name
@@ -53,7 +53,7 @@ _NEW_MAX = 4  # services or clients made in one update: each takes a millisecond
 
 
 class DroneServices:
-    """Announce the services of the drone's nodes, and call them for the ground computer.
+    """Announce the drone's services to the ground, and call them at the ground's request.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class DroneServices:
         self._newest_stop, self._newest_stop_at = 0, -inf
 
     def update(self, now: float) -> None:
-        """Check for services periodically, and send received answers."""
+        """Check for new services every 0.5 s, and send received answers to the ground."""
         if now - self._looked > _LOOKS:
             self._looked = now
             self._look()
@@ -106,9 +106,10 @@ class DroneServices:
         self._calls = {key: call for key, call in self._calls.items() if call[2] > now}
 
     def call(self, content: bytes, now: float, is_stop: bool) -> None:
-        """Call a service for a client on the ground computer; `is_stop` marks an e-stop.
+        """Call a service on the drone for a client on the ground.
 
-        An e-stop may overtake an earlier call, such as `clear_fault`, which must not undo it.
+        `is_stop` marks an e-stop. An e-stop may overtake an earlier call, such as `clear_fault`,
+        which is then rejected so that it does not undo the e-stop.
         """
         number, length = _CALL.unpack_from(content)
         name = content[_CALL.size : _CALL.size + length].decode()
@@ -123,7 +124,10 @@ class DroneServices:
             kind = self._clients[name].srv_type
             request = deserialize_message(content, kind.Request)
             if self._is_before_stop(number, now) and hasattr(kind.Response, 'success'):
-                text = f'{name} rejected, because an e-stop came after it: send the request again'
+                text = (
+                    f'{name} rejected, because an e-stop was requested after it: send the request '
+                    'again'
+                )
                 self._answer(RESULTS, number, kind.Response(success=False, message=text))
             else:
                 self._request(RESULTS, number, name, request, now)
@@ -144,11 +148,11 @@ class DroneServices:
             self._calls[name, sequence] = channel, number, now + _ANSWER_TIMEOUT
 
     def greet(self) -> None:
-        """Announce the drone's services to a ground computer whose `ground_link` just started."""
+        """Send the list of the drone's services to the ground."""
         self._connection.send(OFFERED, json.dumps(self._offered).encode())
 
     def _look(self) -> None:
-        """Find the services of the drone, and destroy unused clients of services that are gone."""
+        """Find the services of the drone, and destroy clients of services that no longer exist."""
         self._found = {
             name: types[0]
             for name, types in self._node.get_service_names_and_types()
@@ -161,7 +165,7 @@ class DroneServices:
             self._node.destroy_client(self._clients.pop(name))
 
     def _make_clients(self) -> None:
-        """Create clients early, because a new client must be discovered first."""
+        """Create clients in advance, because a service must first discover a new client."""
         for name in _e_stops_first(self._found.keys() - self._clients.keys())[:_NEW_MAX]:
             self._clients[name] = self._node.create_client(
                 SERVICE_TYPES[self._found[name]], name, callback_group=self._group
@@ -183,9 +187,9 @@ class _Call:
 
 
 class GroundServices:
-    """Offer the drone's services on the ground computer.
+    """Offer the drone's services on the ground computer, and forward calls to the drone.
 
-    An e-stop is re-sent until the drone confirms it, however long the connection is lost. Any
+    An e-stop is re-sent until the drone acknowledges it, even after a long loss of connection. Any
     other request that does not reach the drone within a second is dropped and answered with a
     failure.
 
@@ -196,7 +200,7 @@ class GroundServices:
     connection
         Connection to the drone.
     log
-        Receives (is_warning, text).
+        Logs a text, the second argument; the first argument is True for a warning.
     """
 
     def __init__(
@@ -215,16 +219,16 @@ class GroundServices:
 
     @property
     def kept_stops(self) -> list[str]:
-        """Names of called e-stop services that are not confirmed."""
+        """Names of e-stop services that were called, but not answered by a bridge yet."""
         return sorted({call.service.srv_name for call in self._calls.values() if _is_stop(call)})
 
     def take_offered(self, content: bytes) -> None:
-        """Offer the services that the drone announces, and remove others, in the next updates."""
+        """Store the list of services that the drone announces; `update` creates them."""
         offered = json.loads(content)
         self._offered = {name: kind for name, kind in offered.items() if kind in SERVICE_TYPES}
 
     def greet(self) -> None:
-        """Re-send e-stops that a former process of the drone received, without an answer."""
+        """Re-send e-stops that a former `ground_link` process of the drone has not answered."""
         for message in dict.fromkeys(c.message for c in self._calls.values() if _is_stop(c)):
             if message.is_confirmed:
                 again = self._connection.send(STOPS, message.payload, URGENT)
@@ -233,7 +237,7 @@ class GroundServices:
                         call.message, call.confirmed = again, inf
 
     def update(self, now: float) -> bool:
-        """Forward received requests; return whether there were any."""
+        """Forward received service requests to the drone; return whether any was received."""
         has_sent = False
         for name, service in self._services.items():
             while True:
@@ -248,7 +252,7 @@ class GroundServices:
         return has_sent
 
     def take_result(self, content: bytes, now: float) -> None:
-        """Answer the client of a call."""
+        """Send a result from the drone to the client that called the service."""
         number, _ = _CALL.unpack_from(content)
         call = self._calls.get(number)
         if call is None:
@@ -267,7 +271,7 @@ class GroundServices:
             )
 
     def _offer_some(self) -> None:
-        """Remove and create a few services, so that a received e-stop waits for a few only."""
+        """Remove and create at most four services, to return quickly to received e-stops."""
         own, offered = self._services.keys(), self._offered.keys()
         # A restarted drone offers nothing before it has discovered its bridge: stops wait for it.
         for name in [name for name in own - offered if E_STOP not in name][:_NEW_MAX]:
@@ -301,7 +305,7 @@ class GroundServices:
                 call.is_answered = True
                 self._fail(call, _UNCONFIRMED if call.message.is_confirmed else (
                     'NOT DELIVERED YET, because the drone has been silent for '
-                    f'{self._silence(now)}; the e-stop is kept and acts when the connection is back'
+                    f'{self._silence(now)}; ground_link repeats it until the drone receives it'
                 ))  # fmt: skip
             if call.message.is_confirmed:
                 call.confirmed = min(call.confirmed, now)
@@ -313,7 +317,7 @@ class GroundServices:
             del self._calls[number]
             self._fail(call, (
                 f'not delivered within {_LIFETIME:g} s, because the drone has been silent for '
-                f'{self._silence(now)}: send the request again when the connection is back'
+                f'{self._silence(now)}: send the request again once the drone is connected'
             ))  # fmt: skip
         elif now - call.begin > _ANSWER_TIMEOUT:
             del self._calls[number]
@@ -323,7 +327,7 @@ class GroundServices:
             ))  # fmt: skip
 
     def _fail(self, call: _Call, text: str) -> None:
-        """Log a warning, and answer with a failure if the service's type has one."""
+        """Log a warning, and answer with a failure if the service's type has a field `success`."""
         self._log(True, f'{call.service.srv_name}: {text}')
         kind = call.service.srv_type.Response
         if hasattr(kind, 'success'):
@@ -353,5 +357,5 @@ def _offers_stop(service: Any) -> bool:
 
 
 def _ignore(_: Any, response: Any) -> Any:
-    """Stand in for a callback that is never called."""
+    """Return the response unchanged; this callback is required but never called."""
     return response

@@ -1,4 +1,4 @@
-"""Topics that `ground_link` relays, and the decimation of joint states."""
+"""Relay of topics between drone and ground, and decimation of joint states."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _HEAD = struct.Struct('<qHH')  # stamp, samples, numbers
 
 
 class Window(NamedTuple):
-    """The samples of a stream since the last window.
+    """Summary of the samples of one topic during a time window.
 
     Attributes
     ----------
@@ -37,7 +37,8 @@ class Window(NamedTuple):
     samples
         Number of samples.
     newest, minimum, maximum : (n,) ndarray
-        `minimum` and `maximum` are NaN where a sample of the window is NaN.
+        Newest sample, and extremes of each of the n numbers. The extremes are NaN where a sample of
+        the window is NaN.
     """
 
     stamp_ns: int
@@ -48,7 +49,7 @@ class Window(NamedTuple):
 
 
 def window_of(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> Window:
-    """Return the window of samples, (n,) each; the stamp belongs to the last one."""
+    """Summarize samples of shape (n,), of which the last has the stamp `stamp_ns` [ns]."""
     rows = np.stack(samples)
     return Window(
         stamp_ns,
@@ -60,7 +61,7 @@ def window_of(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> Window:
 
 
 def pack_window(window: Window) -> bytes:
-    """Return a window as bytes."""
+    """Encode a window as bytes: newest sample in single, extremes in half precision."""
     newest = window.newest.astype('<f4')
     with np.errstate(over='ignore', invalid='ignore'):
         below = _rounded_up(newest - window.minimum)
@@ -70,12 +71,14 @@ def pack_window(window: Window) -> bytes:
 
 
 def unpack_window(content: bytes) -> Window:
-    """Return the window of bytes; raises ValueError if they are invalid."""
+    """Decode a window from bytes; raise ValueError if they are invalid."""
     if len(content) < _HEAD.size:
-        raise ValueError('a window of messages is truncated')
+        raise ValueError(f'a window of joint states has only {len(content)} bytes')
     stamp_ns, count, n = _HEAD.unpack_from(content)
     if len(content) != _HEAD.size + 8 * n:
-        raise ValueError(f'a window of {n} numbers has {len(content)} bytes')
+        raise ValueError(
+            f'a window of joint states has {len(content)} bytes instead of {_HEAD.size + 8 * n}'
+        )
     place = _HEAD.size
     newest = np.frombuffer(content, '<f4', n, place).astype(float)
     below, above = np.frombuffer(content, '<f2', 2 * n, place + 4 * n).astype(float).reshape(2, n)
@@ -83,7 +86,7 @@ def unpack_window(content: bytes) -> Window:
 
 
 def _rounded_up(distance: NDArray[np.float64]) -> NDArray[np.float16]:
-    """Round distances, 0 or more, up to half precision."""
+    """Round non-negative numbers up to half precision."""
     half = np.maximum(distance, 0.0).astype('<f2')
     low = half < distance
     half[low] = np.nextafter(half[low], np.float16(np.inf))
@@ -96,7 +99,7 @@ WINDOWED = (
     topics.MOTOR_STATES,
     topics.ROTOR_COMMAND,
 )
-"""Joint states of the drone that are decimated, with minimum and maximum."""
+"""Topics of type JointState, of which the ground receives the newest sample and extremes."""
 VALUES = (
     topics.MOTOR_POWER,
     topics.ENERGY,
@@ -114,7 +117,7 @@ VALUES = (
     topics.STATIC_WRENCH,
     topics.RECORDED_UNTIL,
 )
-"""Other streams of the drone, whose newest message in each window is sent unchanged."""
+"""Other periodic topics, of which the ground receives the newest message at a lower rate."""
 STEADY = (
     topics.JOINT_STATES,
     topics.MOTOR_STATES,
@@ -127,9 +130,9 @@ STEADY = (
     topics.ARM_INERTIA,
     topics.ARM_COM,
 )
-"""Streams that never pause while their publisher runs."""
+"""Topics that their publishers publish periodically without pauses."""
 SILENT = 2.0
-"""[s] without a message after which the relay reports a steady stream as silent."""
+"""Time without a message [s] after which the drone warns about a topic in `STEADY`."""
 EVENTS = (
     topics.ARM_MODE,
     topics.PLAN_STATUS,
@@ -139,7 +142,7 @@ EVENTS = (
     topics.COMMISSIONING_REPORT,
     topics.DIAGNOSTICS,
 )
-"""Topics that the ground receives without loss."""
+"""Topics of which the ground receives every message."""
 COMMANDS = (
     topics.JOINT_TRAJECTORY,
     topics.JOINT_GOAL,
@@ -151,31 +154,31 @@ COMMANDS = (
     topics.FLIGHT_SET_POINT,
     topics.COMMISSIONING_REQUEST,
 )
-"""Topics that the ground sends. `joint_command` is excluded, because a controller must run on the
-bridge's host.
+"""Topics that the ground sends to the drone. `joint_command` is excluded, because a controller must
+run on the bridge's host.
 """
 COMMAND_LIFETIME = 1.0
-"""[s] Lifetime of a command, so that no motion requested before a loss of connection begins after
-it.
+"""Lifetime of a command [s]. A motion that was requested before a loss of connection must not begin
+after it.
 """
 
 LAYOUTS, OFFERED, STOPS, CALLS, STOP_RESULTS, RESULTS = range(1000, 1006)
-"""Channels other than topics. Stop requests have their own channel, so that they never queue
-behind others.
+"""Channels that are not topics. E-stops have a separate channel, in which they never wait for other
+messages.
 """
 DOWN = (*WINDOWED, *VALUES, *EVENTS)
 UP_CHANNEL = 100
 _DEPTH = 100
 _WINDOWS = 2000  # first channel of windows
-_LAYOUTS_MAX = 8  # layouts of one topic that are sent at the same time
-_KNOWN_MAX = 64  # layouts that the ground remembers
+_LAYOUTS_MAX = 8  # layouts of one topic that are in use at the same time
+_KNOWN_MAX = 64  # layouts that the ground stores
 _LAYOUT = struct.Struct('<I')  # checksum of a layout's text, which names the layout of a window
 _FIELDS = ('position', 'velocity', 'effort')
 _LATCHED = topics.LATCHED.durability
 
 
 class DroneTopics:
-    """Send the drone's topics to the ground, and publish the ground's commands.
+    """Send the drone's topics to the ground, and publish commands from the ground.
 
     Parameters
     ----------
@@ -197,11 +200,12 @@ class DroneTopics:
         self._due = [0.0] * len(self._periods)
         self._newest: list[bytes | None] = [None] * len(VALUES)
         self._latched: dict[int, tuple[bytes, SentMessage]] = {}
-        self._kept: dict[tuple[str, ...], SentMessage] = {}  # diagnostics of a cut, by names
+        # newest diagnostics during a loss of connection, by the names of their statuses
+        self._kept: dict[tuple[str, ...], SentMessage] = {}
         self._publishers = [_publisher(node, topic) for topic in COMMANDS]
 
     def update(self, now: float) -> None:
-        """Pass received messages to the connection."""
+        """Pass messages that were received from the drone's nodes to the connection."""
         for channel in range(len(DOWN)):
             for payload in _waiting(self._reader, channel):
                 self._came[DOWN[channel].name] = now
@@ -217,7 +221,7 @@ class DroneTopics:
             self._send_dropped()
 
     def greet(self) -> None:
-        """Send latched messages and layouts to a ground computer whose link has just started."""
+        """Send latched messages and layouts again, because the ground has just connected."""
         for channel, (payload, message) in list(self._latched.items()):
             if message.is_confirmed or message.is_expired:
                 self._send_event(channel, payload)
@@ -225,9 +229,10 @@ class DroneTopics:
             self._send_layout(text)
 
     def problem(self, now: float) -> str:
-        """Return which steady streams are silent, and for how long, or an empty text.
+        """Return a warning about topics in `STEADY` without recent messages, or an empty text.
 
-        A stream without a publisher counts as ended, except joint_states, whose bridge must run.
+        A topic without a publisher counts as ended, except `joint_states`, because a bridge must
+        run.
         """
         ages = {
             topic.name: now - self._came[topic.name]
@@ -237,13 +242,15 @@ class DroneTopics:
         }
         if ages:
             listed = ', '.join(f'{name} for {age:.0f} s' for name, age in ages.items())
-            return f'no message on the drone of {listed}: check the nodes that publish these topics'
+            return (
+                f'on the drone, no message of {listed}: check the nodes that publish these topics'
+            )
         if topics.JOINT_STATES.name not in self._came:
-            return f'no message on the drone of {topics.JOINT_STATES.name}: start the bridge'
+            return f'on the drone, no message of {topics.JOINT_STATES.name}: start the bridge there'
         return ''
 
     def publish(self, channel: int, payload: bytes) -> None:
-        """Publish a command from the ground computer."""
+        """Publish a command that was received from the ground."""
         place = channel - UP_CHANNEL
         if 0 <= place < len(self._publishers):
             self._publishers[place].publish(payload)
@@ -264,7 +271,7 @@ class DroneTopics:
         self._connection.send(LAYOUTS, text)
 
     def _send_diagnostics(self, channel: int, payload: bytes, is_up: bool) -> None:
-        """Send diagnostics; during a cut only the newest of each name wait."""
+        """Send a diagnostics message; during a loss of connection it replaces an unsent one."""
         if is_up:
             self._kept.clear()
             self._send_event(channel, payload)
@@ -284,7 +291,7 @@ class DroneTopics:
             self._latched[channel] = payload, message
 
     def _send_dropped(self) -> None:
-        """Send latched messages that a full backlog dropped during a cut."""
+        """Send latched messages again that the full backlog dropped during a loss of connection."""
         for channel, (payload, message) in list(self._latched.items()):
             if message.is_expired and len(payload) <= MESSAGE_MAX:
                 self._send_event(channel, payload)
@@ -302,15 +309,15 @@ class DroneTopics:
 
 
 class JointStateStream:
-    """Samples of one topic since the last windows, one window per layout of its messages.
+    """Collect the samples of one topic, and summarize them in windows.
 
-    Publishers of one topic may order the joints differently, or fill other fields. Samples of
-    different layouts have different numbers, so they never share a window.
+    Publishers of one topic may order the joints differently, or fill other fields. A layout is one
+    such order and set of fields. Samples of different layouts never share a window.
 
     Parameters
     ----------
     on_layout
-        Receives the text of each new layout.
+        Called with the text of each new layout.
     """
 
     def __init__(self, on_layout: Callable[[bytes], object]) -> None:
@@ -320,11 +327,11 @@ class JointStateStream:
 
     @property
     def layouts(self) -> list[bytes]:
-        """Texts of the present layouts."""
+        """Texts that describe the present layouts."""
         return [slot.text for slot in self._slots.values()]
 
     def add(self, payload: bytes) -> None:
-        """Add a message; one without joint names belongs to no arm and is ignored."""
+        """Add a serialized message to the present window, or ignore it without joint names."""
         for codec in self._codecs:
             sample = codec.unpack(payload)
             if sample is not None:
@@ -342,7 +349,7 @@ class JointStateStream:
         slot.stamp_ns = sample.stamp_ns
 
     def take(self) -> Iterator[tuple[int, bytes]]:
-        """Yield number and messages of each window of time that ended since the last call."""
+        """End the present windows; yield the slot number and the encoded content of each."""
         for key, slot in list(self._slots.items()):
             samples, slot.samples = slot.samples, []
             if samples:
@@ -373,7 +380,7 @@ class JointStateStream:
 
 
 class GroundTopics:
-    """Publish the drone's topics on the ground computer, and send the ground's commands.
+    """Publish the drone's topics on the ground computer, and send commands to the drone.
 
     A topic is created with its first message, so tools show only topics that the drone publishes.
 
@@ -384,7 +391,7 @@ class GroundTopics:
     connection
         Connection to the drone.
     on_expired
-        Receives the name of a topic whose command was not delivered in time.
+        Called with the name of a topic if a command did not reach the drone in time.
     """
 
     def __init__(
@@ -399,7 +406,7 @@ class GroundTopics:
         self._under_way: list[tuple[str, SentMessage]] = []
 
     def update(self, now: float) -> bool:
-        """Send received commands; return whether there were any."""
+        """Send commands of nodes on the ground to the drone; return whether any was received."""
         has_sent = False
         for place, topic in enumerate(COMMANDS):
             for payload in _waiting(self._reader, place):
@@ -418,7 +425,7 @@ class GroundTopics:
         return has_sent
 
     def publish(self, channel: int, payload: bytes) -> None:
-        """Publish a value or an event of the drone."""
+        """Publish a message that was received from the drone."""
         place = (channel - _WINDOWS) // _LAYOUTS_MAX
         if 0 <= place < len(WINDOWED):
             self._publish_window(WINDOWED[place], payload)
@@ -428,7 +435,7 @@ class GroundTopics:
             self._publisher(DOWN[channel]).publish(payload)
 
     def take_layout(self, payload: bytes) -> None:
-        """Store a layout of joint states."""
+        """Store a layout (joint names and fields) with which later windows are decoded."""
         given = json.loads(payload)
         if len(self._layouts) >= _KNOWN_MAX:
             del self._layouts[next(iter(self._layouts))]
@@ -443,7 +450,7 @@ class GroundTopics:
         (name,) = _LAYOUT.unpack_from(payload)
         layout = self._layouts.pop(name, None)
         if layout is None:
-            return  # it has not arrived yet
+            return  # the layout has not arrived yet
         self._layouts[name] = codec, full = layout
         window = unpack_window(payload[_LAYOUT.size :])
         for suffix, numbers in (
@@ -463,19 +470,19 @@ class GroundTopics:
 
 
 def topic_rates(rate: float, values_rate: float, changes: Sequence[str]) -> dict[str, float]:
-    """Return the rate of each decimated topic [Hz].
+    """Return the rate of each decimated topic [Hz], by topic name.
 
     Parameters
     ----------
     rate, values_rate
-        Rate of joint states, and of other streams [Hz].
+        Default rates of `WINDOWED` and of `VALUES` [Hz].
     changes
-        Texts NAME=HZ.
+        Rates of single topics, as texts NAME=HZ.
 
     Raises
     ------
     ValueError
-        If a text has another form, or names another topic.
+        If a text has another form, or names a topic that is not decimated.
     """
     rates = {topic.name: rate for topic in WINDOWED} | {topic.name: values_rate for topic in VALUES}
     for text in filter(None, changes):
@@ -486,16 +493,19 @@ def topic_rates(rate: float, values_rate: float, changes: Sequence[str]) -> dict
             hertz = 0.0
         if name not in rates:
             raise ValueError(
-                f"the rate of '{name}' (rates) cannot be set: choose one of {', '.join(rates)}"
+                f"the parameter rates names the topic '{name}', which has no adjustable rate: "
+                f'choose one of {", ".join(rates)}'
             )
         if not 0.1 <= hertz <= 50.0:
-            raise ValueError(f"'{text}' in rates is invalid: write {name}=HZ with 0.1 to 50 Hz")
+            raise ValueError(
+                f"'{text}' in the parameter rates is invalid: write {name}=HZ with 0.1 to 50 Hz"
+            )
         rates[name] = hertz
     return rates
 
 
 def _waiting(reader: RawReader, index: int) -> Iterator[bytes]:
-    """Yield waiting messages, but not endlessly if a node publishes them faster."""
+    """Yield at most 100 waiting messages of a topic."""
     for _ in range(_DEPTH):
         message = reader.take(index)
         if message is None:

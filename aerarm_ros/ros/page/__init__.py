@@ -1,6 +1,6 @@
-"""Web page of the arm.
+"""Web page of the node `view`, which shows the arm and controls it.
 
-The page shows states and diagnostics as a moving picture, plots and tables. Buttons send requests
-to the bridge, send motions to the running controller, and start programs that record, play and
-control. Requests from other sites and without a token are rejected first.
+The page draws the moving arm, plots, and tables of diagnostics. Its buttons send requests to the
+bridge and goals to the running controller, and start a recorder, a player or a controller. The
+server rejects requests that come from other sites or lack the token.
 """

@@ -1,4 +1,4 @@
-"""Recorder, player and controller that the page starts."""
+"""Recorder, player and controller that buttons of the page start as child processes."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _LOG_PREFIX = re.compile(r'^\[[A-Z]+\] \[[0-9.]+\] \[[^]]*\]: ')
 
 
 class ChildProgram:
-    """Run one node at a time, and read the last line of its output.
+    """Run one node at a time as a child process, and read the last line of its output.
 
-    A player or controller that ends requests that the bridge holds the arm. These nodes end with
-    the page.
+    Before it ends, a player or controller calls the bridge's service `hold`. The child process ends
+    with the page.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class ChildProgram:
     Attributes
     ----------
     name
-        Node that runs or ran last; '' before the first.
+        Name of the node that runs or ran last; '' before the first.
     """
 
     def __init__(self, namespace: str) -> None:
@@ -46,16 +46,16 @@ class ChildProgram:
 
     @property
     def runs(self) -> bool:
-        """Whether the node runs."""
+        """Whether the child process is running."""
         return self._process is not None and self._process.returncode is None
 
     @property
     def is_ending(self) -> bool:
-        """Whether the node was requested to end but still runs."""
+        """Whether the child process was requested to end but is still running."""
         return self._is_ending and self.runs
 
     def start(self, name: str, parameters: Mapping[str, object]) -> None:
-        """Start a node; raises RuntimeError if one runs."""
+        """Start a node with these ROS parameters, or raise RuntimeError if a node is running."""
         with self._starting:
             if self.runs:
                 raise RuntimeError(f'{self.name} is already running: stop it first')
@@ -66,13 +66,13 @@ class ChildProgram:
             self._process = NodeProcess(name, self._arguments, parameters, log=log)
 
     def end(self) -> None:
-        """Request the node to end, as Ctrl-C does."""
+        """Request the child process to end, without waiting."""
         if self._process is not None and self.runs:
             self._is_ending = True
             self._process.ask_to_end()
 
     def last_output(self) -> str:
-        """Return the last line that the node printed, with its exit status if it failed."""
+        """Return the last line that the node printed, and its exit status if it failed."""
         if self._process is None:
             return ''
         lines = [line for line in self._process.tail(5).splitlines() if line.strip()]
@@ -83,7 +83,7 @@ class ChildProgram:
         return f'{words} (ended with {status})' if status not in (None, 0, 130) else words
 
     def close(self) -> None:
-        """End the node, wait for it, and delete its output."""
+        """End the child process, wait until it has ended, and delete its output."""
         if self._process is not None:
             self._process.stop()
         if self._logs is not None:
@@ -99,14 +99,14 @@ _MOST_FILES = 200
 
 
 class PageProgramError(ValueError):
-    """The program cannot be started; the message states the reason."""
+    """The page cannot start a program; the message states the reason."""
 
 
 class PagePrograms:
-    """At most one recorder, one player and one controller.
+    """Start and stop the page's recorder, player and controller, at most one of each.
 
-    The page accepts no file paths: bags have plain names in one directory, and the player accepts
-    only the trajectories in it.
+    The page accepts no file paths: it accepts a plain name for a new bag in one directory, and
+    plays only trajectories in that directory.
 
     Parameters
     ----------
@@ -115,14 +115,14 @@ class PagePrograms:
     folder
         Directory of bags and trajectories.
     arm
-        Parameters with the files of the arm.
+        ROS parameters that select the files of the arm.
     drone_file
         File of the drone that carries the arm, '' without a drone.
 
     Attributes
     ----------
     recorder, player, controller
-        The programs.
+        Child process of each program.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class PagePrograms:
         self._known: dict[tuple[str, int], bool] = {}
 
     def trajectories(self) -> tuple[str, ...]:
-        """Return the names of the trajectories that can be played."""
+        """Return the motions that the player can play: a random one, and files in the directory."""
         names = []
         for path in sorted(self._folder.glob('*.yaml'))[:_MOST_FILES]:
             try:
@@ -152,7 +152,10 @@ class PagePrograms:
         return (RANDOM, *names)
 
     def record(self, name: str) -> str:
-        """Record a bag with a name; return its path. Raises PageProgramError, RuntimeError."""
+        """Start recording a new bag with this name, and return its path.
+
+        Raises PageProgramError for an invalid name, and RuntimeError if the recorder is running.
+        """
         if not _NAME.fullmatch(name):
             raise PageProgramError('invalid bag name: use letters, digits, _ - and .')
         bag = self._folder / name
@@ -162,21 +165,29 @@ class PagePrograms:
         return str(bag)
 
     def play(self, name: str) -> None:
-        """Play one of `trajectories`; raises PageProgramError, RuntimeError."""
+        """Start playing one of `trajectories`.
+
+        Raises PageProgramError for an unknown name, and RuntimeError if the player is running.
+        """
         if name not in self.trajectories():
-            raise PageProgramError(f'{self._folder} has no trajectory {name!r}')
+            raise PageProgramError(
+                f'{self._folder} has no trajectory {name!r}: select one from the list'
+            )
         chosen = {'seed': 1} if name == RANDOM else {'trajectory': self._folder / name}
         self.player.start('excitation', {**self._arm, **chosen})
 
     def control(self, name: str, speed_share: float) -> None:
-        """Start a controller; raises PageProgramError, RuntimeError."""
+        """Start a controller whose tool speed limit is `speed_share` times 0.8 m/s.
+
+        Raises PageProgramError for an unknown name, and RuntimeError if a controller is running.
+        """
         if name not in controllers():
-            raise PageProgramError(f'unknown controller {name!r}')
+            raise PageProgramError(f'unknown controller {name!r}: select one from the list')
         speed = {_SPEED: speed_share * _TOOL_SPEED} if _has_tool_target(name) else {}
         self.controller.start(name, {**self._arm, **self._drone, **speed})
 
     def close(self) -> None:
-        """End all programs, first those that move the arm."""
+        """End all programs: first the player, then the controller, last the recorder."""
         for program in (self.player, self.controller, self.recorder):
             program.close()
 

@@ -1,4 +1,4 @@
-"""Web server of the page, with a guard that checks all requests."""
+"""Web server of the page, which rejects requests and messages of other sites."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _FOLDER = Path(__file__).parent
 
 @cache
 def _additions() -> bytes:
-    """Return the style and the script for the head of the page."""
+    """Return CSS and JavaScript that the server adds to the head of viser's page."""
     style, script = (_FOLDER.joinpath(name).read_bytes() for name in ('view.css', 'view.js'))
     return b'<style>\n%b</style><script>\n%b</script></head>' % (style, script)
 
 
 def dress(response: Response) -> None:
-    """Add title and layout to a served page in place; leave other responses unchanged."""
+    """Add title, CSS and JavaScript to a response if it is an HTML page."""
     if not response.headers.get('Content-Type', '').startswith('text/html'):
         return
     packed = response.headers.get('Content-Encoding') == 'gzip'
@@ -56,12 +56,12 @@ _LOOPBACK = ('localhost', '127.0.0.1', '::1')
 
 
 class PageGuard:
-    """Check requests before the server answers them.
+    """Check a request's headers, and the token in its path, to reject other sites.
 
-    A browser lets every site connect to every address, even the loopback one, and sends the site's
-    name in `Origin`, so `Origin` must name the page itself. A site that uses DNS rebinding passes
-    this check, but the browser sends the site's name in `Host`, so `Host` must name this computer.
-    On a network, the path must also begin with a token.
+    A browser permits every site to connect to every address, even to the loopback address, and
+    sends the site's name in `Origin`. So `Origin` must name the page itself. A site that uses DNS
+    rebinding passes this check, but the browser sends the site's name in `Host`. So `Host` must
+    name this computer. On a network, the path must also begin with a token.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class PageGuard:
     def refusal(
         self, path: str, hosts: Sequence[str], origins: Sequence[str], socket_wanted: bool
     ) -> str:
-        """Return why a request is refused, or an empty text.
+        """Return the reason to reject a request, or an empty text if it is permitted.
 
         Parameters
         ----------
@@ -96,22 +96,24 @@ class PageGuard:
             Whether the request opens a websocket; browsers then always send the origin.
         """
         if len(hosts) != 1 or not self._is_own(hosts[0]):
-            return f'{_shown(hosts)} is not a name of this computer: use the printed URL'
+            return f'{_shown(hosts)} is not a name of this computer: use the URL that view prints'
         if len(origins) > 1 or (socket_wanted and not origins):
-            return f'the request comes from {_shown(origins)}, not from this page'
+            return f'the header Origin is {_shown(origins)}: use the URL that view prints'
         if origins and origins[0].lower() != f'http://{hosts[0]}'.lower():
-            return f'the request comes from another site, {_shown(origins)}'
+            return (
+                f'another site, {_shown(origins)}, sent the request: use the URL that view prints'
+            )
         given, _ = _split(path)
         if self._token and not hmac.compare_digest(given.encode(errors='replace'), self._token):
-            return 'the address lacks the token: use the URL printed at the start'
+            return 'the address lacks the token: use the URL that view prints'
         return ''
 
     def inner_path(self, path: str) -> str:
-        """Return a path without its token."""
+        """Return the path of a request without the token."""
         return _split(path)[1] if self._token else path
 
     def address(self, host: str, port: int) -> str:
-        """Return the address to open in a browser."""
+        """Return the page's address with the token, to be opened in a browser."""
         name = socket.gethostname() if host in _WILDCARDS else host
         shown = f'[{name}]' if ':' in name else name
         return f'http://{shown}:{port}' + (f'/{self._token.decode()}/' if self._token else '')
@@ -151,14 +153,14 @@ def _is_number(host: str) -> bool:
 
 
 def _split(path: str) -> tuple[str, str]:
-    """Return the first part of a path, and the rest from its slash."""
+    """Return the first part of a URL path, and the rest with a slash in front."""
     plain, question, query = path.partition('?')
     first, _, rest = plain.removeprefix('/').partition('/')
     return first, f'/{rest}{question}{query}'
 
 
 def _shown(headers: Sequence[str]) -> str:
-    """Return headers as short text without control characters."""
+    """Return the values of a header as short text without control characters."""
     return repr(', '.join(headers)[:80]) if headers else 'an empty value'
 
 
@@ -169,7 +171,7 @@ Text = Annotated[str, msgspec.Meta(max_length=200)]
 class CameraMoved(
     msgspec.Struct, tag_field='type', tag='ViewerCameraMessage', forbid_unknown_fields=True
 ):
-    """Camera pose of one browser."""
+    """Message of a browser: the user moved the camera to this pose."""
 
     wxyz: tuple[float, float, float, float]
     position: Vector
@@ -183,7 +185,7 @@ class CameraMoved(
 
 
 class Change(msgspec.Struct, forbid_unknown_fields=True):
-    """Properties of a button, slider, checkbox, list or text that a click may change."""
+    """Property of a page element that a browser may change: only its value."""
 
     value: bool | float | Text
 
@@ -191,7 +193,10 @@ class Change(msgspec.Struct, forbid_unknown_fields=True):
 class ElementChanged(
     msgspec.Struct, tag_field='type', tag='GuiUpdateMessage', forbid_unknown_fields=True
 ):
-    """Message of a click; a forged one could hide, rename or disable elements for all users."""
+    """Message of a browser: the user changed the value of a page element.
+
+    Without this check, a forged message could hide, rename or disable elements for all users.
+    """
 
     uuid: str
     updates: Change
@@ -203,7 +208,7 @@ class TargetMoved(
     tag='TransformControlsUpdateMessage',
     forbid_unknown_fields=True,
 ):
-    """Message that the tool's target was dragged."""
+    """Message of a browser: the user dragged the target of the tool."""
 
     name: Text
     wxyz: tuple[float, float, float, float]
@@ -217,7 +222,7 @@ class TargetTaken(
     tag='TransformControlsDragStartMessage',
     forbid_unknown_fields=True,
 ):
-    """Message that the user grabbed the tool's target."""
+    """Message of a browser: the user grabbed the target of the tool."""
 
     name: Text
     owner: Text
@@ -229,7 +234,7 @@ class TargetLeft(
     tag='TransformControlsDragEndMessage',
     forbid_unknown_fields=True,
 ):
-    """Message that the user released the tool's target."""
+    """Message of a browser: the user released the target of the tool."""
 
     name: Text
     owner: Text
@@ -241,7 +246,7 @@ _DECODER = msgspec.msgpack.Decoder(
 
 
 def is_allowed(message: object) -> bool:
-    """Return whether a websocket message is one that the page itself sends."""
+    """Return whether a websocket message has one of the types that the page sends."""
     if not isinstance(message, bytes):
         return False
     try:
@@ -268,20 +273,20 @@ Report = Callable[[str], None]
 
 
 class PageError(RuntimeError):
-    """The installed viser cannot protect the page against other sites."""
+    """The installed version of viser cannot protect the page against other sites."""
 
 
 def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.ViserServer:
-    """Serve a page and check every request and every message.
+    """Start the web server of the page, which checks every request and websocket message.
 
     Parameters
     ----------
     host, port
-        Address; if the port is in use, the next free port.
+        Address of the server. If the port is in use, the server uses the next free port.
     guard
         Guard that checks the requests.
     report
-        Called from the server's thread with refused requests, at most every ten seconds.
+        Called from the server's thread with rejected requests, at most once in ten seconds.
 
     Raises
     ------
@@ -291,44 +296,44 @@ def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.
     gate = _Gate(guard, report)
     with _guarded(gate):
         server = viser.ViserServer(host, port, verbose=False)
-    if not gate.closed:
+    if not gate.is_used:
         server.stop()
         raise PageError(
-            f'viser {viser.__version__} offers no way to protect the page against other sites: '
-            "pip install 'viser>=1.1,<1.2'"
+            f'viser {viser.__version__} cannot protect the page against other sites: run pip '
+            "install 'viser>=1.1,<1.2'"
         )
     return server
 
 
 class _Gate:
-    """Apply the guard to requests, and the list of allowed messages to connections.
+    """Apply the guard to all requests of a web server, and reject forged websocket messages.
 
     Attributes
     ----------
-    closed
-        Whether the websocket server was created with this gate.
+    is_used
+        Whether a websocket server was created with this gate.
     """
 
     def __init__(self, guard: PageGuard, report: Report) -> None:
-        self.closed = False
+        self.is_used = False
         self._guard = guard
         self._report = report
         self._silent_until = 0.0
 
     def options(self, options: dict[str, Any]) -> dict[str, Any]:
-        """Return the options of a websocket server, with this gate."""
+        """Return the options of a websocket server, extended by the checks of this gate."""
         inner = options.get('process_request')
         if inner is None:
             return options
-        self.closed = True
+        self.is_used = True
         gate = self
 
         class PageConnection(ServerConnection):
-            """Websocket connection that accepts only the page's own messages."""
+            """Websocket connection that ignores messages which the page does not send."""
 
             async def recv(self, decode: bool | None = None) -> Any:
                 while not is_allowed(message := await super().recv(decode)):
-                    gate.refused('the page does not send messages of this type')
+                    gate.refused('a websocket message of a type that the page does not send')
                 return message
 
         def process(connection: ServerConnection, request: Request) -> Response | None:
@@ -343,7 +348,7 @@ class _Gate:
         }
 
     def refused(self, what: str) -> None:
-        """Report a refused request, unless one was reported recently."""
+        """Report a rejected request, unless one was reported in the last ten seconds."""
         now = time.monotonic()
         if now >= self._silent_until:
             self._silent_until = now + _REPORT_PERIOD
@@ -375,9 +380,9 @@ class _Gate:
 
 @contextmanager
 def _guarded(gate: _Gate) -> Iterator[None]:
-    """Context in which each new websocket server filters the messages of browsers.
+    """Patch the package websockets inside a context: new servers apply the checks of `gate`.
 
-    viser creates its server internally and passes no options to it.
+    viser creates its server internally, and cannot pass options to it.
     """
     serve = websocket_server.serve
 

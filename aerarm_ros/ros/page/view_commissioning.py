@@ -1,4 +1,4 @@
-"""Folder of the page for the commissioning of a new arm."""
+"""Part of the page with which the user commissions a new arm."""
 
 from __future__ import annotations
 
@@ -22,23 +22,24 @@ _STOPPED = 'stopped: the motors are off'
 
 
 class PageCommissioning:
-    """Run one commissioning procedure at a time, in its own thread.
+    """Run one commissioning procedure at a time, in a separate thread.
 
-    The display may be slow, but the bridge needs ten requests per second.
+    The bridge needs ten requests per second, and drawing the page may take longer.
 
     Parameters
     ----------
     node
         Node that an executor spins in another thread.
     config, urdf
-        Files of the arm, '' for the packaged ones.
+        Configuration and URDF of the arm, '' for the packaged files.
     is_watched
         Returns whether a browser shows the page; otherwise the procedure ends with motors off.
 
     Attributes
     ----------
     outcome
-        Whether the last procedure succeeded, and its result; '' before and during a procedure.
+        Whether the last procedure succeeded, and its result as text, which is empty before and
+        during a procedure.
     """
 
     def __init__(self, node: Node, config: str, urdf: str, is_watched: Callable[[], bool]) -> None:
@@ -53,32 +54,32 @@ class PageCommissioning:
 
     @property
     def runs(self) -> bool:
-        """Whether a procedure is running."""
+        """Whether a commissioning procedure is running."""
         return self._thread is not None and self._thread.is_alive()
 
     @property
     def prompt(self) -> Prompt | None:
-        """Question that the user must confirm now, or None."""
+        """Question that the user must answer now, or None."""
         return self._client.prompt if self.runs and self._client is not None else None
 
     @property
     def news(self) -> list[str]:
-        """Lines of the last procedure: joints, findings, verdicts."""
+        """Lines to show about the last procedure: its joints, findings and verdicts."""
         guided = self._client.guided if self._client is not None else None
         return [] if guided is None else list(guided.news)
 
     @property
     def record(self) -> str:
-        """File with the verdicts; empty before the first verdict."""
+        """Path of the commissioning record; empty before the first verdict."""
         client = self._client
         has_any = client is not None and client.guided is not None and client.guided.record.joints
         return str(client.path) if client is not None and has_any else ''
 
     def begin(self, joints: Sequence[str], resume: bool, emulated: str = '') -> None:
-        """Start commissioning the given joints, or all; `resume` skips joints that have passed.
+        """Start commissioning these joints, or all joints if `joints` is empty.
 
-        If `emulated` names a bridge, an emulated hand turns the joints and confirms everything.
-        Raises RuntimeError if a procedure is running.
+        `resume` skips joints that have passed. If `emulated` names a bridge, an emulated hand turns
+        the joints and confirms all prompts. Raises RuntimeError if a procedure is running.
         """
         with self._lock:
             if self.runs:
@@ -90,14 +91,14 @@ class PageCommissioning:
             self._thread.start()
 
     def answer(self, prompt: Prompt, yes: bool) -> None:
-        """Answer a prompt, unless it has changed: a double click confirms only one."""
+        """Answer this prompt, or do nothing if another prompt has replaced it."""
         with self._lock:
             guided = self._client.guided if self._client is not None else None
             if guided is not None and guided.prompt is prompt:
                 guided.answer(yes)
 
     def end(self) -> None:
-        """Stop the procedure, and wait until the bridge was requested to switch the motors off."""
+        """Stop the procedure, and wait until it has sent the bridge the request to disable."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -124,11 +125,16 @@ class PageCommissioning:
             client.poll()
             self._pause()
             if time.monotonic() > deadline:
-                raise ValueError(f'no bridge responds: check that one is active in {this_domain()}')
+                raise ValueError(
+                    f'no bridge answers: check that a bridge is active in {this_domain()}'
+                )
 
     def _lead(self, client: CommissioningClient, emulated: str) -> None:
         if emulated and not (client.report and client.report.emulated):
-            raise ValueError('an emulated hand can turn emulated joints only')
+            raise ValueError(
+                'an emulated hand can turn emulated joints only: clear its checkbox, then turn '
+                'the joints by hand'
+            )
         person = EmulatedPerson(self._node, client, emulated) if emulated else None
         while client.is_on:
             with self._lock:
@@ -141,11 +147,11 @@ class PageCommissioning:
         client.poll()  # an answer may have ended the last joint
 
     def _pause(self) -> None:
-        """Wait for the next step; raises ValueError if the procedure was stopped."""
+        """Wait 0.03 s; raise ValueError if the user has stopped the procedure or left the page."""
         if self._stop.wait(_PERIOD):
             raise ValueError(_STOPPED)
         if not self._is_watched():
-            raise ValueError(f'the page was closed, {_STOPPED}')
+            raise ValueError(f'the page was closed, so the procedure has {_STOPPED}')
 
 
 ALL = 'all joints'
@@ -154,18 +160,18 @@ _LINES = 20
 
 
 class ViewCommissioning:
-    """Display of the prompts, two answer buttons, and the findings.
+    """Folder of the page with the commissioning prompts, two answer buttons, and the findings.
 
     Parameters
     ----------
     server
         Server of the page.
     panel
-        Panel that shows the result.
+        Panel that shows an error.
     procedure
         Commissioning procedure.
     names
-        Joint names in the files.
+        Joint names in the arm's configuration.
     emulated
         Returns the node name of a bridge with emulated boards, or ''.
     """
@@ -185,9 +191,7 @@ class ViewCommissioning:
         with gui.add_folder('Commission a new arm', expand_by_default=False):
             self._joint = gui.add_dropdown('joint to commission', (ALL, *names))
             self._resume = gui.add_checkbox('only joints that have not passed', False)
-            self._hand = gui.add_checkbox(
-                'let an emulated hand turn the joints', False, visible=False
-            )
+            self._hand = gui.add_checkbox('an emulated hand turns the joints', False, visible=False)
             self._begin = gui.add_button('Begin commissioning')
             self._words = gui.add_html('')
             self._yes = gui.add_button('Done, continue', color='green', visible=False)
@@ -197,7 +201,7 @@ class ViewCommissioning:
         self._no.on_click(lambda _: self._answer(False))
 
     def show(self, now: float) -> None:
-        """Show the procedure's present step and verdicts, at a monotonic time [s]."""
+        """Show the procedure's present step and verdicts at the monotonic time `now` [s]."""
         procedure = self._procedure
         runs, prompt = procedure.runs, procedure.prompt
         if prompt is not self._prompt:
@@ -213,7 +217,7 @@ class ViewCommissioning:
     def _text(self, runs: bool, prompt: Prompt | None) -> Html:
         lines = list(self._procedure.news[-_LINES:])
         if runs:
-            step = prompt.text if prompt is not None else 'The bridge measures...'
+            step = prompt.text if prompt is not None else 'The bridge is measuring...'
             lines.append(elements().bold(step))
         passed, outcome = self._procedure.outcome
         if outcome:
@@ -242,5 +246,5 @@ class ViewCommissioning:
             self._procedure.answer(prompt, yes)
 
     def _is_by_hand(self) -> bool:
-        """Return whether an emulated hand answers, which never happens with real boards."""
+        """Return whether an emulated hand answers the prompts; always false with real boards."""
         return bool(self._hand.value and self._emulated())

@@ -1,4 +1,4 @@
-"""Folders of the page for moving the arm, recording, playing and controlling."""
+"""Parts of the page with which the user moves the arm and starts programs."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from aerarm_ros.ros.page.view_scene import ARM_BASE
 from aerarm_ros.ros.requests.bridge_service import BridgeService, StopService
 
 _SHORTEST = 0.5  # [s]
-# The controller starts at its reference, which differs slightly from the measured posture. A
-# motion with the full limit would be rejected.
+# The controller starts at its reference, which differs slightly from the measured configuration.
+# So it could reject a motion that uses the full limits.
 _OF_LIMITS = 0.95
 # These nodes subscribe to everything but move nothing.
 _LISTENERS = ('recorder', 'view')
 
 
 class PageMotion:
-    """Publish target postures for the arm, and target positions for the tool.
+    """Publish joint trajectories to a goal, and target positions of the tool.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ class PageMotion:
         )
 
     def go(self, start: Array, goal: Sequence[float], share: float) -> tuple[bool, str]:
-        """Move the arm from joint angles (n,) to others [rad].
+        """Publish a trajectory from the present joint angles (n,) to the goal [rad].
 
         Parameters
         ----------
         start, goal
             Present and final joint angles [rad].
         share
-            Largest joint speed as a fraction of the limits.
+            Largest speed and acceleration as a fraction of the joints' limits.
 
         Returns
         -------
@@ -74,7 +74,7 @@ class PageMotion:
             Whether a controller receives the motion, and a message for the user.
         """
         if not self._has_subscriber(topics.JOINT_TRAJECTORY.name):
-            return False, 'no active joint controller: start computed_torque'
+            return False, 'no active controller accepts joint trajectories: start computed_torque'
         share *= _OF_LIMITS
         duration = rest_to_rest_duration(
             np.asarray(goal) - start,
@@ -85,25 +85,28 @@ class PageMotion:
         point = JointTrajectoryPoint(positions=[float(angle) for angle in goal])
         point.time_from_start = Duration(seconds=duration).to_msg()
         self._trajectories.publish(JointTrajectory(joint_names=self._names, points=[point]))
-        return True, f'moving, {duration:.1f} s'
+        return True, f'the motion takes {duration:.1f} s'
 
     def aim(self, place: Sequence[float]) -> tuple[bool, str]:
-        """Move the tool to a position (3,) [m] in the base frame; the result is that of `go`.
+        """Publish a target position (3,) of the tool in the base frame [m]; return as `go` does.
 
-        If world_control runs, it then holds the tool at the corresponding position in the world.
+        `world_control` keeps the tool at the corresponding position in the world.
         """
         if not self._has_subscriber(topics.TOOL_TRAJECTORY.name):
-            return False, 'no active tool controller: start kinematic_control or world_control'
+            return False, (
+                'no active controller accepts tool targets: start kinematic_control or '
+                'world_control'
+            )
         message = PoseStamped()
         message.header.frame_id = self._base
         message.pose.orientation.w = 0.0  # any orientation
         p = message.pose.position
         p.x, p.y, p.z = (float(x) for x in place)
         self._targets.publish(message)
-        return True, f'tool to {p.x:.3f}, {p.y:.3f}, {p.z:.3f} m'
+        return True, f'the tool moves to {p.x:.3f}, {p.y:.3f}, {p.z:.3f} m in the base frame'
 
     def _has_subscriber(self, topic: str) -> bool:
-        """Return whether a node that moves the arm subscribes to the topic."""
+        """Return whether a controller subscribes to the topic."""
         listeners = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topic))
         names = [endpoint_name(listener).rpartition('/')[2] for listener in listeners]
         return any(name and name not in _LISTENERS for name in names)
@@ -115,14 +118,14 @@ _TIMEOUT = 3.0  # [s] to find a parameter's node, and again for its answer
 
 
 class PageRequests:
-    """Call the bridge's services, and repair emulated boards like `arm fault`.
+    """Call the bridge's services, and inject or repair faults of emulated boards.
 
     Parameters
     ----------
     node
         Node that an executor spins in another thread.
     bridges
-        Node names of the bridges.
+        Possible node names of the bridge.
     """
 
     def __init__(self, node: Node, bridges: Sequence[str]) -> None:
@@ -143,22 +146,24 @@ class PageRequests:
         return self._services[PUT_BACK].found
 
     def look_for_bridges(self) -> None:
-        """Find all running bridges, whatever their names, so that a later stop is quick."""
+        """Find all running bridges in advance, to save time in a later stop request."""
         for stop in self._stops.values():
             stop.look()
 
     def ask(self, action: str) -> tuple[bool, str]:
-        """Request an action by its name, or 'fault NAME:BOARD'; blocks until answered.
+        """Send the request `action`, and wait for its answer.
+
+        `action` is the name of a service, or 'fault NAME:BOARD' for emulated boards.
 
         Returns
         -------
         done, text
-            Whether the request succeeded, and the bridge's answer.
+            Whether the request succeeded, and the answer of the bridge.
         """
         if action.startswith(_FAULT):
             return self._mend(action.removeprefix(_FAULT))
         service = self._stops.get(action) or self._services.get(action)
-        return (False, f'unknown action {action}') if service is None else service.call()
+        return (False, f'unknown request {action}') if service is None else service.call()
 
     def _mend(self, fault: str) -> tuple[bool, str]:
         """Set the parameter `fault` of the emulated bridge."""
@@ -167,7 +172,7 @@ class PageRequests:
                 client = self._client(bridge)
                 if client.wait_for_services(_TIMEOUT):
                     return self._set(client, fault)
-        return False, 'no emulated bridge accepts a fault'
+        return False, 'no fake_hardware is running: faults need emulated boards'
 
     def _client(self, bridge: str) -> AsyncParameterClient:
         if bridge not in self._parameters:
@@ -179,7 +184,7 @@ class PageRequests:
         future = client.set_parameters([Parameter('fault', value=fault)])
         future.add_done_callback(lambda _: answered.set())
         if not answered.wait(_TIMEOUT):
-            return False, f'no answer within {_TIMEOUT:g} s'
+            return False, f'no answer within {_TIMEOUT:g} s: check the log of the bridge'
         answer = future.result().results[0]
         return bool(answer.successful), answer.reason or fault
 
@@ -190,18 +195,18 @@ _LOOK_PERIOD = 1.0  # [s] between two searches of the directory
 
 
 class ViewControls:
-    """Sliders, a target for the tool, and programs.
+    """Folders of the page with the joint sliders, the tool target, and buttons for programs.
 
-    All values from the browser are checked again, because a message can contain any number.
+    This class checks all values from the browser again, because a message can contain any number.
 
     Parameters
     ----------
     server
         Server of the page.
     panel
-        Panel that shows the result.
+        Panel that shows the result of a click.
     motion, programs
-        Objects that carry out the requests.
+        Objects that publish goals and start programs.
     names, limits
         Names of the n joints, and their position limits (n, 2) [rad].
     """
@@ -231,11 +236,13 @@ class ViewControls:
                 gui.add_slider(name, float(low), float(high), _STEP, float(np.clip(0.0, low, high)))
                 for name, (low, high) in zip(names, limits, strict=True)
             ]
-            gui.add_button('Go there').on_click(lambda _: self._go())
-            gui.add_button('Copy current configuration').on_click(lambda _: self._take_posture())
-            self._has_target = gui.add_checkbox('drag a target for the tool', False)
+            gui.add_button('Move to slider values').on_click(lambda _: self._go())
+            gui.add_button('Set sliders to the present configuration').on_click(
+                lambda _: self._take_posture()
+            )
+            self._has_target = gui.add_checkbox('move the tool by dragging a target', False)
         with gui.add_folder('Record a bag', expand_by_default=False):
-            self._bag = gui.add_text('name', 'my_bag')
+            self._bag = gui.add_text('name of the bag', 'my_bag')
             self._record_button = gui.add_button('Start recording')
             self._record_words = gui.add_html('')
         with gui.add_folder('Play a motion', expand_by_default=False):
@@ -248,14 +255,14 @@ class ViewControls:
         self._connect()
 
     def show(self, now: float, posture: Array | None, tool: Array) -> None:
-        """Show the state of the programs.
+        """Show whether each program is running, and the last line of its output.
 
         Parameters
         ----------
         now
             Monotonic time [s].
         posture
-            (n,) present joint angles [rad], or None.
+            (n,) present joint angles [rad], or None if unknown.
         tool
             (3,) position of the tool in the base frame [m].
         """
@@ -316,22 +323,26 @@ class ViewControls:
     def _toggle(self, program: ChildProgram, start: Callable[[], object]) -> None:
         if program.runs:
             program.end()
-            self._panel.show_result(True, program.name, 'ends')
+            self._panel.show_result(True, program.name, 'is ending')
             return
         try:
             where = start()
         except (ValueError, RuntimeError, OSError) as error:
             self._panel.show_result(False, 'not started:', str(error))
         else:
-            self._panel.show_result(True, program.name, str(where or 'starts'))
+            self._panel.show_result(True, program.name, str(where or 'is starting'))
 
     def _go(self) -> None:
         goal = [slider.value for slider in self._sliders]
         low, high = self._limits.T
         if not (np.all(np.isfinite(goal)) and np.all(goal >= low) and np.all(goal <= high)):
-            self._panel.show_result(False, 'not sent:', 'the configuration is outside the limits')
+            self._panel.show_result(
+                False, 'not sent:', 'a slider is outside the position limits of its joint'
+            )
         elif self._posture is None:
-            self._panel.show_result(False, 'not sent:', 'no joint_states received yet')
+            self._panel.show_result(
+                False, 'not sent:', 'no joint_states received yet: start a bridge'
+            )
         else:
             done, text = self._motion.go(self._posture, goal, self._speed_share())
             self._panel.show_result(done, 'Move' if done else 'not sent:', text)

@@ -1,4 +1,4 @@
-"""Tables of the diagnostics for people."""
+"""Convert messages of /diagnostics to tables of the page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from aerarm_ros.pages.html_text import Html, macros
 
 _ERROR, _STALE = 2, 3  # levels in view.html
-_WAY_OUT = 'recovery hint'
+_HINT = 'recovery hint'
 _STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 _TIMING_KEY = re.compile(rf'(.+) ({"|".join(map(re.escape, _STATISTICS))}) \[us\]')
 # Column of the motors' table, and the end of its keys on /diagnostics.
@@ -25,22 +25,22 @@ _MOTOR_COLUMNS = {
 
 
 def elements() -> Any:
-    """Return the macros of `view.html`."""
+    """Return the template macros of `view.html`."""
     return macros(Path(__file__).with_name('view.html'))
 
 
 @dataclass(frozen=True)
 class ViewStatus:
-    """One DiagnosticStatus as it arrived.
+    """Content of one DiagnosticStatus, with its time of arrival.
 
     Attributes
     ----------
     level
         0 OK, 1 WARN, 2 ERROR, 3 STALE.
     message
-        Text of the publisher.
+        Text of the publishing node.
     values
-        Key to value.
+        Values by their keys.
     received
         Monotonic time of arrival [s].
     """
@@ -52,14 +52,14 @@ class ViewStatus:
 
 
 class ViewDiagnostics:
-    """Newest status of every name, with its age.
+    """Store the newest status of each name, and convert all of them to HTML.
 
     Parameters
     ----------
     stale_after
-        Age at which a status is shown as stale [s]; publishers send one per second.
+        Age above which the page shows a status as stale [s]. Nodes publish one per second.
     gone_after
-        Age at which a status is no longer shown, because its node has ended [s].
+        Age above which the page no longer shows a status, because its node has ended [s].
     """
 
     def __init__(self, stale_after: float = 3.0, gone_after: float = 10.0) -> None:
@@ -68,7 +68,7 @@ class ViewDiagnostics:
         self._statuses: dict[str, ViewStatus] = {}
 
     def add(self, name: str, status: ViewStatus) -> None:
-        """Store a status; it replaces the previous one of that name."""
+        """Store a status under a name, and delete statuses of nodes that have ended."""
         # A copy, because the thread that shows the statuses may be reading the old one.
         latest = {**self._statuses, name: status}
         self._statuses = {
@@ -78,16 +78,16 @@ class ViewDiagnostics:
         }
 
     def recovery_hint(self, now: float) -> str:
-        """Return the recovery hint that the bridge reports for a fault, or an empty text."""
+        """Return the bridge's recovery hint for the present fault, or an empty text."""
         texts = [
-            status.values.get(_WAY_OUT, '')
+            status.values.get(_HINT, '')
             for _, status in self._present(now)
             if self._level(status, now) != _STALE
         ]
         return next(filter(None, texts), '')
 
     def timing_html(self, now: float) -> Html:
-        """Return a table of the quantiles [us] in all statuses, or an empty text."""
+        """Return HTML tables of the timing statistics [us] in all statuses, or an empty text."""
         tables = [
             (name, self._level(status, now), _cells(rows), _counts(status.values))
             for name, status in self._present(now)
@@ -96,7 +96,7 @@ class ViewDiagnostics:
         return Html(elements().tables(tables, 'us', _STATISTICS))
 
     def motors_html(self, now: float) -> Html:
-        """Return a table of temperatures and torque limits, or an empty text."""
+        """Return HTML tables of the motors' temperatures and torque limits, or an empty text."""
         heads = [f'{name} {end[end.index("[") :]}' for name, end in _MOTOR_COLUMNS.items()]
         tables = [
             (name, self._level(status, now), rows.items(), None)
@@ -106,7 +106,7 @@ class ViewDiagnostics:
         return Html(elements().tables(tables, '', heads))
 
     def status_html(self, now: float) -> Html:
-        """Return one line for every status."""
+        """Return HTML with one line per status: level, name and message."""
         lines = [
             (name, self._level(status, now), status.message) for name, status in self._present(now)
         ]
@@ -124,7 +124,10 @@ class ViewDiagnostics:
 
 
 def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Convert keys such as 'period p99 [us]' to quantity -> statistic -> microseconds."""
+    """Return the timing statistics [us] by quantity ('period') and statistic ('p99').
+
+    The key of such a value in a status is, for example, 'period p99 [us]'.
+    """
     rows: dict[str, dict[str, str]] = {}
     for key, value in values.items():
         match = _TIMING_KEY.fullmatch(key)
@@ -134,7 +137,10 @@ def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:
 
 
 def motor_rows(values: Mapping[str, str]) -> dict[str, list[str]]:
-    """Convert keys such as 'joint2 winding [degC]' to joint -> one text per column."""
+    """Return the values of the motors' table by joint name, one text per column.
+
+    The key of such a value in a status is, for example, 'joint2 winding [degC]'.
+    """
     ends = list(_MOTOR_COLUMNS.values())
     joints = [key.removesuffix(f' {ends[0]}') for key in values if key.endswith(f' {ends[0]}')]
     return {joint: [values.get(f'{joint} {end}', '') for end in ends] for joint in joints}

@@ -1,4 +1,4 @@
-"""Side panel of the page: mode, emergency stop, requests to the bridge."""
+"""Left panel of the page: the arm's mode, the emergency stop, and buttons for the bridge."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import viser
 from aerarm_ros.pages.html_text import Html
 from aerarm_ros.ros.page.view_diagnostics import elements
 
-# Runs the named action; returns whether it succeeded, and a message. May block.
+# Sends the named request; returns whether it succeeded, and the answer. May block.
 Ask = Callable[[str], tuple[bool, str]]
 
 _ARM_WIDTH = 400  # [pixels]
@@ -30,7 +30,7 @@ _BUTTONS = {
     'enable': ('Enable: the motors align, the arm moves', ('idle',)),
     'hold': ('Hold the arm', ('damping',)),
     'home': (
-        'Home, from the home configuration',
+        'Home: the arm must be in its home configuration',
         ('unhomed', 'idle', 'ready', 'running', 'damping'),
     ),
     'clear_fault': ('Clear fault', ('fault',)),
@@ -38,15 +38,15 @@ _BUTTONS = {
         'Disable: the arm sinks',
         ('aligning', 'ready', 'homing', 'commissioning', 'running', 'damping', 'fault'),
     ),
-    'put_back': ('Reset (emulated)', ('idle', 'unhomed')),
+    'put_back': ('Reset the emulated arm', ('idle', 'unhomed')),
 }
 _STEP = re.compile(r"'arm ([a-z_]+(?: [a-z0-9_:.]+)?)'")
 
 
 class ViewPanel:
-    """Panel at the left of the scene.
+    """Panel to the left of the picture, with the arm's mode and buttons for the bridge.
 
-    All text from the ROS graph is escaped before it becomes HTML.
+    All text from ROS messages is escaped before it becomes HTML.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class ViewPanel:
         return lambda _: self.answer(action)
 
     def add_reports(self, server: viser.ViserServer) -> None:
-        """Add motors, timing and diagnostics at the bottom of the panel."""
+        """Add folders for the tables of motors, timing and diagnostics to the panel."""
         with server.gui.add_folder('Motors'):
             self._motors = server.gui.add_html('')
         with server.gui.add_folder('Timing', expand_by_default=False):
@@ -96,18 +96,18 @@ class ViewPanel:
     def show_mode(
         self, mode: str, states: str, recovery_hint: str = '', emulated: bool = False
     ) -> None:
-        """Show the arm's mode, a line about its states, and the possible actions.
+        """Show the arm's mode, a line about its joint states, and the buttons for this mode.
 
         Parameters
         ----------
         mode
-            Last arm_mode, '' before the first.
+            Newest arm_mode, '' before the first message.
         states
-            Text about the received or missing states.
+            Text about the received or missing joint states.
         recovery_hint
             Recovery hint of a fault from the bridge, with commands in quotes.
         emulated
-            Whether the arm is emulated, so that its posture can be reset.
+            Whether the arm is emulated, so that its configuration can be reset.
         """
         shown = mode or 'waiting for a bridge'
         color = _MODE_COLORS.get(mode, '#495057')
@@ -122,18 +122,18 @@ class ViewPanel:
             button.visible = mode in _BUTTONS[action][1] and (emulated or action != 'put_back')
 
     def show_diagnostics(self, motors: Html, timing: Html, statuses: Html) -> None:
-        """Show three pieces of HTML."""
+        """Show the HTML tables of motors, timing and diagnostics."""
         missing = elements().missing
         self._motors.content = indented(motors or missing('no temperatures'))
         self._timing.content = indented(timing or missing('no timing statistics'))
         self._diagnostics.content = indented(statuses)
 
     def show_result(self, done: bool, word: str, text: str) -> None:
-        """Show the result of an action, in colour."""
+        """Show the result of a click: a word in green or red, then a text."""
         self._answer.content = indented(elements().outcome(done, word, text))
 
     def answer(self, action: str) -> None:
-        """Run the action of a button, and show the result."""
+        """Send the request of a button, and show its answer."""
         if not action:
             return
         is_stop = action == 'e_stop'
@@ -146,5 +146,5 @@ class ViewPanel:
 
 
 def indented(content: str) -> str:
-    """Return a text, or HTML, with the page's margin."""
+    """Return a text or HTML inside an element with the margin of the panel."""
     return str(elements().indented(content))

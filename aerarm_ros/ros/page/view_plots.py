@@ -1,4 +1,4 @@
-"""Plots of the last seconds, which the user selects."""
+"""Plots of joint and motor quantities during the last seconds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from aerarm_ros.ros.states.state_stream import StateSampler
 
 
 class ViewHistory:
-    """Ring buffer of arrays of one shape.
+    """Ring buffer of samples with equal shapes, and their times.
 
     Parameters
     ----------
@@ -47,11 +47,11 @@ class ViewHistory:
         self._next = (self._next + 1) % len(self._time)
 
     def window(self, now: float) -> tuple[Array, Array]:
-        """Return the samples that are at most `duration` old.
+        """Return the samples whose age is at most `duration`.
 
         Returns
         -------
-        time : (k,) relative to `now`, so negative, ascending [s]
+        time : (k,) relative to `now`, negative and ascending [s]
         values : (k, *shape)
         """
         order = np.roll(np.arange(len(self._time)), -self._next)
@@ -72,7 +72,10 @@ _STALE = 0.3  # [s] after which a reference, a current or a power is dropped
 
 
 class WindowReader:
-    """Reads the extremes of the windows that `ground_link` makes of a stream.
+    """Read the minimum and maximum that `ground_link` publishes for each window of a topic.
+
+    `ground_link` thins the topic out: of each time window it sends one message to the ground, and
+    the extremes of all messages.
 
     Parameters
     ----------
@@ -81,21 +84,21 @@ class WindowReader:
     names
         Joint names, n of them.
     topic
-        The stream, of JointState.
+        Topic of type JointState.
     """
 
     def __init__(self, node: Node, names: Sequence[str], topic: topics.Topic) -> None:
         self._names = list(names)
         sides = [topics.Topic(f'{topic.name}/{side}', topic.type, topic.qos) for side in _SIDES]
-        # More than one window comes between two pictures.
+        # More than one window may arrive between two pictures.
         self._reader = RawReader(node, *(side.queued(_WINDOWS) for side in sides))
         self._decoders = [JointStateDecoder() for _ in _SIDES]
 
     def take(self) -> Array | None:
-        """Return the extremes since the last call: (2, 3, n) of position, velocity, effort.
+        """Return the extremes (2, 3, n) of position, velocity and effort since the last call.
 
-        The first is the minimum, NaN where a window has NaN. Return None if no window of states
-        was received, as on the bridge's own host.
+        The first row is the minimum, the second the maximum; both are NaN where a window has NaN.
+        Return None if no window was received, as on the host of the bridge.
         """
         sides = []
         for index, (decoder, extreme) in enumerate(
@@ -119,7 +122,7 @@ class WindowReader:
 
 
 class ViewFeed:
-    """Sample states, references, currents, powers and the base's pose of the last seconds.
+    """Subscribe to the plotted topics, and store samples of the last seconds.
 
     Parameters
     ----------
@@ -132,16 +135,17 @@ class ViewFeed:
     rate
         Samples per second.
     has_base
-        Whether the base moves according to `odometry`.
+        Whether to subscribe to `odometry` for the pose of the base.
 
     Attributes
     ----------
     joints, base
-        Histories of `ROWS` (16, n), and of `BASE_ROWS` (6,).
+        Samples of `ROWS`, with shape (16, n), and of `BASE_ROWS`, with shape (6,).
     posture
-        (n,) newest joint positions [rad], None before the first.
+        (n,) newest joint positions [rad], None before the first message.
     pose
-        Newest position (3,) [m] and unit quaternion (4,), real part first, of the base, or None.
+        Newest position (3,) [m] and unit quaternion (4,), real part first, of the base. None before
+        the first message.
     """
 
     def __init__(
@@ -170,7 +174,7 @@ class ViewFeed:
             node.create_subscription(topic.type, topic.name, self._on_odometry, topic.qos)
 
     def update(self, now: float) -> bool:
-        """Read new messages at the monotonic time `now` [s]; return whether the arm has moved."""
+        """Read new messages at the monotonic time `now` [s]; return whether a state arrived."""
         self._take_rest(now)
         self._take_pose(now)
         state = self._states.newest()
@@ -184,21 +188,23 @@ class ViewFeed:
         return True
 
     def describe(self, now: float) -> str:
-        """Return a text about the received or missing states."""
+        """Return a text about the received or missing joint states."""
         missing = self._states.missing
         if missing:
-            return f'joint_states lacks {", ".join(missing)}: check config, urdf, tf_prefix'
+            return (
+                f'joint_states lacks {", ".join(missing)}: check the parameters config, urdf and '
+                'tf_prefix of view'
+            )
         if self._states.unknown:
             names = ', '.join(self._states.unknown)
             return (
-                f'the angle of {names} is unknown until the arm is homed, so the drawn '
-                'configuration is wrong'
+                f'the angle of {names} is unknown, so the picture of the arm is wrong: home the arm'
             )
         silent = now - self._received_at[0]
         if not np.isfinite(silent):
-            return 'no joint_states in this ROS domain: start a bridge, check ROS_DOMAIN_ID'
+            return 'no joint_states in this ROS domain: start a bridge, or check ROS_DOMAIN_ID'
         if silent > _SILENT:
-            return f'the last joint_states arrived {silent:.0f} s ago'
+            return f'the last joint_states arrived {silent:.0f} s ago: check the log of the bridge'
         return f'joint_states at {self._states.frequency(now):.0f} Hz'
 
     def destroy(self) -> None:
@@ -226,7 +232,7 @@ class ViewFeed:
         self._row[6:8][old[1:]] = np.nan
 
     def _take_windows(self) -> None:
-        """Read the extremes of all joint states that were received since the last redraw."""
+        """Store the extremes of all windows that were received since the last sample."""
         first = ROWS.index(_MINIMA[0])
         extremes = self._row[first:].reshape(2, len(_WINDOWED), -1)
         extremes[:] = np.nan
@@ -273,10 +279,10 @@ _ACROSS = viser.uplot.Axis(size=64, ticks=_TICKS)  # [pixels] for a minus and th
 
 @dataclass(frozen=True)
 class _Quantity:
-    """Quantity of a plot: rows of `ROWS`, or of `BASE_ROWS` if the field `value` is empty.
+    """Quantity of one plot: its title, and names in `ROWS`; no name for poses of the base.
 
-    The scale of a plot covers at least plus and minus `small`, so that noise does not fill the
-    plot. Labels have three decimals.
+    The vertical scale covers at least plus and minus `small`, so that noise does not fill the
+    plot. Its labels have three decimals.
     """
 
     title: str
@@ -299,7 +305,7 @@ _BASE = (_Quantity('base position [m]', small=0.05), _Quantity('base attitude [r
 
 
 class ViewPlots:
-    """Panel at the right of the scene, with one checkbox per plot.
+    """Panel to the right of the picture, with the plots and one checkbox per plot.
 
     Parameters
     ----------
@@ -310,7 +316,7 @@ class ViewPlots:
     duration
         Time span of the plots [s].
     limits
-        (n, 2) of 'position', 'velocity' and 'effort', lower and upper.
+        Lower and upper limits (n, 2) of 'position', 'velocity' and 'effort'.
     has_base
         Whether the base moves.
     """
@@ -332,7 +338,7 @@ class ViewPlots:
             with gui.add_folder('Quantities', expand_by_default=False):
                 quantities = [*_QUANTITIES, *(_BASE if has_base else ())]
                 boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in quantities}
-                self._with_limits = gui.add_checkbox('limits', False)
+                self._with_limits = gui.add_checkbox('draw the limits', False)
             gui.add_html(_legend(names))
             self._has_windows = False
             self._plots = {q: self._add(gui, q) for q in quantities}
@@ -343,14 +349,14 @@ class ViewPlots:
         panel.set_width(_WIDTH)
 
     def show(self, time: Array, values: Array) -> None:
-        """Draw the quantities of the joints.
+        """Draw the plots of the joints' quantities.
 
         Parameters
         ----------
         time
-            (k,) [s], 0 is now.
+            (k,) time of the samples [s], 0 is now.
         values
-            (k, len(ROWS), n).
+            (k, len(ROWS), n) samples.
         """
         if len(time) < 2:
             return
@@ -361,7 +367,7 @@ class ViewPlots:
                 plot.data = self._columns(quantity, time, values)
 
     def show_base(self, time: Array, values: Array) -> None:
-        """Draw the base's `values` (k, 6), with columns as `BASE_ROWS`, over `time` (k,) [s]."""
+        """Draw the pose of the base: `values` (k, 6) as in `BASE_ROWS`, at `time` (k,) [s]."""
         if len(time) < 2:
             return
         for quantity, columns in zip(_BASE, (values[:, :3], values[:, 3:]), strict=True):
@@ -394,9 +400,9 @@ class ViewPlots:
         return self._has_windows and quantity.value in _WINDOWED
 
     def _show_windows(self) -> None:
-        """Draw the plots again with a band from the minimum to the maximum of each window.
+        """Replace the plots by plots that also show a band between the extremes of each window.
 
-        A chart whose number of lines changes is another chart.
+        A chart cannot change its number of lines.
         """
         self._has_windows = True
         with self._tab:
@@ -411,9 +417,9 @@ class ViewPlots:
     def _add(
         self, gui: viser.GuiApi, quantity: _Quantity, old: viser.GuiUplotHandle | None = None
     ) -> viser.GuiUplotHandle:
-        """Return a plot with a fixed time axis; an automatic one freezes at the first data.
+        """Create a plot of a quantity, at the place of the plot `old` if that is given.
 
-        The returned plot replaces the `old` plot, if given.
+        Its time axis is fixed, because an automatic time axis would not follow later data.
         """
         series = self._series(quantity)
         start = np.array([-self._duration, 0.0])
@@ -441,7 +447,7 @@ class ViewPlots:
         lines = [_line(name, color) for name, color in zip(self._names, colors, strict=True)]
         if self._has_extremes(quantity):
             lines = [_line(side, f'{c}60') for side in _SIDES for c in colors] + lines
-        # The joints last, so that their curves are on top.
+        # The curves of the joints are last, so that they are drawn on top.
         if quantity.reference:
             lines = [_line('reference', color, (5, 4)) for color in colors] + lines
         if quantity.limit:
@@ -449,11 +455,11 @@ class ViewPlots:
         return lines
 
     def _bands(self, quantity: _Quantity, count: int) -> tuple[viser.uplot.Band, ...] | None:
-        """Return a band for each joint, from its minimum to its maximum."""
+        """Return one band per joint, between the curves of its minimum and its maximum."""
         if not self._has_extremes(quantity):
             return None
         n = len(self._names)
-        first = 1 + count - 3 * n  # after the time; minima, maxima and joints are the last
+        first = 1 + count - 3 * n  # series 0 is the time; minima, maxima and joints are last
         return tuple(
             viser.uplot.Band(series=(first + n + k, first + k), fill=f'{_color(k)}40')
             for k in range(n)
@@ -461,7 +467,7 @@ class ViewPlots:
 
 
 def _at_least(small: float) -> dict[str, viser.uplot.Scale]:
-    """Return a vertical scale that extends at least `small` to each side of zero."""
+    """Return a vertical scale that covers at least -`small` to +`small`."""
     if not small:
         return {}
     sides = {'min': -small, 'max': small}
@@ -474,7 +480,7 @@ def _color(k: int) -> str:
 
 
 def _legend(names: Sequence[str]) -> str:
-    """Return the legend of colours for all plots."""
+    """Return HTML that names the joint of each colour."""
     return str(elements().legend([(_color(k), name) for k, name in enumerate(names)]))
 
 

@@ -1,4 +1,4 @@
-"""Three-dimensional view of the arm's URDF."""
+"""Three-dimensional picture of the arm from its URDF."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from aerarm_ros.description.robot_shapes import load_shapes
 from aerarm_ros.motion.signals import Array
 
 ARM_BASE = '/arm/base_of_arm'
-"Pose of the arm's base frame in the scene: under a drone it differs from the URDF's root."
+"""Name of the arm's base frame in viser's scene."""
 
 _GRID_SIZE = 2.0  # [m]
 _CLOSE, _FAR = (1.0, 0.35), (1.5, 1.0)  # distance [1.2 m] and height [m] of the camera
+_MIDDLE = 0.4  # point at which the camera looks, as a fraction of the way from base to tool
 _TRAIL_COLOR = (30, 120, 230)
 _TRAIL_STEP = 2e-3  # [m] travelled by the tool between two points of its path
 _TRAIL_WIDTH = 2.0  # pixels
@@ -26,15 +27,15 @@ _TRAIL_POINTS = 400
 
 
 class ViewScene:
-    """Links as moving shapes, a grid at the base, and the path of the tool.
+    """Draw the moving links of the arm, a grid at the base, and the path of the tool.
 
     Parameters
     ----------
     server
-        Server of the page. The view's up direction is opposite to gravity, so a hanging arm appears
-        hanging.
+        Server of the page. The picture's up direction is opposite to gravity.
     robot
-        The arm, with the visual shapes of its URDF, or else its collision shapes.
+        Model of the arm. The picture uses the visual shapes of its URDF, or else the collision
+        shapes.
     tool
         Frame whose path is drawn; the last frame of the model by default.
     base
@@ -48,7 +49,7 @@ class ViewScene:
     Raises
     ------
     ValueError
-        If a frame is unknown, or a mesh is larger than an arm needs.
+        If a frame is unknown, or a mesh has too many triangles.
     """
 
     def __init__(
@@ -90,7 +91,7 @@ class ViewScene:
         self._path.clear()  # the browser has not shown the arm there
 
     def update(self, q: Array) -> None:
-        """Move the links to joint angles q (n,) [rad]."""
+        """Move the links in the picture to the joint angles `q` (n,) [rad]."""
         pin.forwardKinematics(self._model, self._data, q)
         for handle, placement in zip(self._joints, list(self._data.liMi)[1:], strict=True):
             if not np.array_equal(handle.position, placement.translation):
@@ -103,19 +104,19 @@ class ViewScene:
             self._path.append(tool.copy())
 
     def move_base(self, position: Array, wxyz: Array) -> None:
-        """Move the URDF's root to a position (3,) [m] and an orientation (unit quaternion)."""
+        """Move the URDF's root link to a position (3,) [m] and an orientation (unit quaternion)."""
         self._base.position, self._base.wxyz = position, wxyz
         rotation = pin.Quaternion(*wxyz.tolist()).matrix()
         self._base_pose = pin.SE3(rotation, position)
 
     def update_path(self) -> None:
-        """Draw the path of the tool."""
+        """Draw the path that the tool has travelled."""
         points = np.array(self._path)
         if len(points) > 1:
             self._trail.points = np.stack([points[:-1], points[1:]], axis=1)
 
     def _usual_place(self, robot: Robot) -> Array:
-        """Return the tool's position in the middle of the joints' ranges, (3,) [m]."""
+        """Return the tool's position (3,) [m] with each joint in the middle of its range."""
         low, high = robot.position_min, robot.position_max
         known = np.isfinite(low) & np.isfinite(high)
         middle = np.zeros(robot.n)
@@ -132,13 +133,13 @@ class ViewScene:
         self._scene.add_frame('/base', axes_length=0.12, axes_radius=0.003)
         # A hanging arm has its drone above.
         distance, height = _CLOSE if tool @ up > 0.0 else _FAR
-        server.initial_camera.look_at = tuple(0.4 * tool)
+        server.initial_camera.look_at = tuple(_MIDDLE * tool)
         server.initial_camera.position = tuple(
-            0.4 * tool + distance * np.array([0.8, -0.9, 0.0]) + height * up
+            _MIDDLE * tool + distance * np.array([0.8, -0.9, 0.0]) + height * up
         )
 
     def _add(self, shape: pin.GeometryObject) -> None:
-        """Draw one shape, fixed to its joint."""
+        """Add one shape of a link to the scene, below the link's joint."""
         solid, scene = shape.geometry, self._scene
         name = f'{self._paths[shape.parentJoint]}/{shape.name}'
         placed: dict[str, Any] = {
@@ -159,7 +160,7 @@ class ViewScene:
 
 
 def _paths(model: pin.Model) -> list[str]:
-    """Return the scene path of each joint in the model's order, the base first."""
+    """Return the names of base and joints in viser's scene, in the order of the model."""
     paths = ['/arm']
     for name, parent in zip(list(model.names)[1:], list(model.parents)[1:], strict=True):
         paths.append(f'{paths[parent]}/{name}')
@@ -167,7 +168,7 @@ def _paths(model: pin.Model) -> list[str]:
 
 
 def _shapes(robot: Robot) -> list[pin.GeometryObject]:
-    """Return the visual shapes, else the collision shapes; none if their meshes are missing."""
+    """Return the URDF's visual shapes, else its collision shapes; none if meshes are missing."""
     for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
         try:
             found = load_shapes(robot, kind)
@@ -181,6 +182,6 @@ def _shapes(robot: Robot) -> list[pin.GeometryObject]:
 
 
 def _wxyz(rotation: Array) -> Array:
-    """Return a rotation matrix as a quaternion, real part first."""
+    """Convert a rotation matrix to a unit quaternion, real part first."""
     x, y, z, w = pin.Quaternion(rotation).coeffs()
     return np.array([w, x, y, z])

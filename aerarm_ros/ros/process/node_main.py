@@ -1,4 +1,4 @@
-"""Start, run and end an executable's node."""
+"""Check the command line of an executable, then create, run and close its node."""
 
 from __future__ import annotations
 
@@ -45,21 +45,21 @@ from aerarm_ros.ros.process.ros_arguments import (
 _HELP = ('-h', '--help')
 # Parameters that every node of rclpy has.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service')
-# Smallest similarity of a misspelt name. Between node names, only a nearly equal name counts.
+# Smallest similarity of a misspelt name to a known one; node names must be more similar.
 _SIMILAR, _NEARLY_SAME = 0.6, 0.8
 
 
 class CommandLine:
-    """Command-line arguments of a node.
+    """Check a node's command line, and print its help and completions.
 
     Parameters
     ----------
     name
-        Executable, and the node's name without remapping.
+        Name of the executable, and of the node before remapping.
     parameters
-        The node's parameters.
+        Parameters of the node.
     description
-        Description of the node.
+        Description of the node for the help.
     """
 
     def __init__(self, name: str, parameters: ParameterTable, description: str | None) -> None:
@@ -68,18 +68,18 @@ class CommandLine:
         self._description = cleandoc(description or '')
 
     def asks_help(self, arguments: RosArguments) -> bool:
-        """Return whether the arguments only request the help."""
+        """Return whether one of the arguments is -h or --help."""
         return any(argument in _HELP for argument in arguments.plain)
 
     def help(self) -> str:
-        """Return the help, as wide as the terminal."""
+        """Return the text for --help, wrapped to the width of the terminal."""
         width = min(100, shutil.get_terminal_size().columns)
         lines = [
             f'usage: {self.name} [-h] [--ros-args -p NAME:=VALUE ... --params-file FILE]',
             '',
             self._description,
             '',
-            'Parameters (those marked live may change while the node runs: ros2 param set):',
+            'Parameters (`ros2 param set` changes those marked live while the node runs):',
         ]
         parameters = list(self._parameters.values())
         groups = dict.fromkeys(['', *(parameter.group for parameter in parameters)])
@@ -92,7 +92,7 @@ class CommandLine:
         return '\n'.join(lines)
 
     def complete(self) -> None:
-        """Print completions for a shell: the options of ROS, and parameters after -p."""
+        """Print a shell's completions: the options of ROS, and names of parameters after -p."""
         parser = argparse.ArgumentParser(prog=self.name)
         parser.add_argument('--ros-args', action='store_true')
         rules = [f'{name}:=' for name in self._parameters]
@@ -101,14 +101,13 @@ class CommandLine:
         complete(parser)
 
     def check(self, arguments: RosArguments) -> list[str]:
-        """Return warnings about probable mistakes.
+        """Return warnings about probably misspelt names in the command line.
 
         Raises
         ------
         UsageError
-            If an argument is unknown, or the node is given an unknown parameter. An unknown
-            parameter in a file's section for all nodes is no error, because it may be another
-            node's.
+            If an argument or a parameter is unknown. An unknown parameter in a file's section for
+            all nodes is no error, because it may be a parameter of another node.
         """
         if arguments.plain:
             raise UsageError(
@@ -120,39 +119,39 @@ class CommandLine:
         return [*filter(None, warnings), *_misnamed_sections(arguments.parameters, node)]
 
     def _judge(self, given: GivenParameter, node: str) -> str:
-        """Check one parameter; return a warning or an empty text, or raise UsageError."""
+        """Check one given parameter: return a warning or an empty text, or raise UsageError."""
         if not given.is_for(node):
             if given.source == '-p':
                 raise UsageError(
-                    f'-p {given.node[1:]}:{given.name} sets a parameter of {given.node}, '
-                    f'but this node is {node}'
+                    f'-p {given.node[1:]}:{given.name} sets a parameter of the node '
+                    f'{given.node}, but the name of this node is {node}'
                 )
             return ''
-        if self._knows(given.name):
+        if given.name in self._parameters or given.name in _OF_RCLPY:
             return ''
         similar = _NEARLY_SAME if given.is_for_any_node else _SIMILAR
         closest = _closest(given.name, list(self._parameters), similar)
         hint = f", did you mean '{closest}'?" if closest else ''
         text = (
             f"unknown parameter '{given.name}' in {given.source}{hint} ({self.name} "
-            '--help lists all)'
+            '--help lists all parameters)'
         )
         if not given.is_for_any_node:
             raise UsageError(text)
         return text if closest else ''
 
-    def _knows(self, name: str) -> bool:
-        return name in self._parameters or name in _OF_RCLPY
-
 
 def _misnamed_sections(given: Sequence[GivenParameter], node: str) -> Iterator[str]:
-    """Yield a warning for each file that only names a node with a similar name."""
+    """Yield a warning for each parameter file whose section name is probably misspelt."""
     for file in dict.fromkeys(p.source for p in given if p.source != '-p'):
         sections = {p.node for p in given if p.source == file and not p.is_for_any_node}
         bases = {section.rpartition('/')[2]: section for section in sections}
         closest = _closest(node.rpartition('/')[2], list(bases), _NEARLY_SAME)
         if closest and closest != node.rpartition('/')[2]:
-            yield f'{file} has no section for {node}, only for {bases[closest]}: check the spelling'
+            yield (
+                f'parameter file {file} has no section for the node {node}, only for '
+                f'{bases[closest]}: check the spelling'
+            )
 
 
 def _closest(name: str, known: Sequence[str], cutoff: float) -> str:
@@ -163,27 +162,25 @@ def _wrap(text: str, width: int, first: int, following: int) -> str:
     return textwrap.fill(text, width, initial_indent=' ' * first, subsequent_indent=' ' * following)
 
 
-# The first of these variables that is set selects ROS's log directory. Without any of them ROS
-# does not start.
 Result = TypeVar('Result')
 
 
 class Runnable(Protocol):
-    """A node with its own loop.
+    """Interface of a node that `run_node` can run.
 
     Attributes
     ----------
     status
-        Exit status once `run` has returned.
+        Exit status of the process once `run` has returned.
     """
 
     status: int
 
     def run(self) -> None:
-        """Work until the ROS context is shut down."""
+        """Work until the task is complete or the ROS context is shut down."""
 
     def close(self) -> None:
-        """Leave the hardware safe and destroy the node; called once in every case."""
+        """Leave the hardware safe and destroy the node; `run_node` always calls it once."""
 
 
 def run_node(
@@ -193,31 +190,30 @@ def run_node(
     parameters: ParameterTable | None = None,
     description: str | None = None,
 ) -> int:
-    """Create a node, run it, close it, and return the exit status.
+    """Create a node, run and close it, and return the exit status of the process.
 
-    SIGINT, SIGTERM, SIGHUP and an external shutdown are normal ends (0), and so is a request for
-    help. A task that was interrupted before its end returns 130. While the command line is read, an
-    interrupt raises KeyboardInterrupt, because the kind of program is not known yet. An unknown
-    argument or parameter returns 2. Any other problem that a user can solve, such as an invalid
-    parameter value or file, returns 1 (ValueError during creation, OSError at any time). Each such
-    problem is printed as one line on standard error. Any other exception is a defect and keeps its
-    traceback.
+    SIGINT, SIGTERM, SIGHUP, an external shutdown and a request for help return 0. A task that was
+    interrupted before its end returns 130. While the command line is read, an interrupt raises
+    KeyboardInterrupt, because the kind of program is not known yet. An unknown argument or
+    parameter returns 2. Any other problem that a user can solve, such as an invalid parameter value
+    or file, returns 1 (ValueError during creation, OSError at any time). Each such problem is
+    printed as one line on standard error. Any other exception is a defect and keeps its traceback.
 
     Parameters
     ----------
     name
-        Executable, for error messages.
+        Name of the executable for error messages.
     create
-        Creates the node, after the initialization of rclpy.
+        Function that creates the node; called after `rclpy.init`.
     args
-        Command line with ROS arguments, by default the process's own.
+        Command line with ROS arguments, by default that of this process.
     parameters
-        The node's parameters; without them the caller has checked the command line.
+        Parameters of the node. Without them the command line is not checked.
     description
-        Description of the node, for the help.
+        Description of the node for the help.
     """
     interruption = _Interruption()
-    with StopSignals(interruption.ask):
+    with StopSignals(interruption.request):
         if parameters is not None:
             command_line = CommandLine(name, parameters, description)
             status = interruption.during(lambda: _read_command_line(command_line, args))
@@ -229,31 +225,31 @@ def run_node(
 
 
 class _Interruption:
-    """Raise KeyboardInterrupt in interruptible work; at other times only store the signal.
+    """Convert a stop signal to KeyboardInterrupt, but only in work that may be interrupted.
 
     Extension modules that a constructor imports would swallow an exception. Inside `close`, an
     exception would leave half of the work undone.
     """
 
     def __init__(self) -> None:
-        self.is_asked = False
-        self._is_let_in = False
+        self._is_requested = False
+        self._is_permitted = False
 
-    def ask(self) -> None:
-        """Process a stop signal; raises KeyboardInterrupt inside `during`."""
-        self.is_asked = True
-        if self._is_let_in:
+    def request(self) -> None:
+        """Store a stop signal, and raise KeyboardInterrupt if `during` is running."""
+        self._is_requested = True
+        if self._is_permitted:
             raise KeyboardInterrupt
 
     def during(self, action: Callable[[], Result]) -> Result:
-        """Return a function's result; raises KeyboardInterrupt at a past or new stop signal."""
+        """Return the result of `action`; an earlier or new stop signal raises KeyboardInterrupt."""
         try:
-            self._is_let_in = True
-            if self.is_asked:
+            self._is_permitted = True
+            if self._is_requested:
                 raise KeyboardInterrupt
             return action()
         finally:
-            self._is_let_in = False
+            self._is_permitted = False
 
 
 def _run_node(
@@ -301,7 +297,7 @@ def _run_node(
 
 
 def _may_start(name: str) -> bool:
-    """Prepare ROS's environment variables; return whether they are valid."""
+    """Set environment variables for ROS discovery; print an error and return False if invalid."""
     try:
         notice = stay_on_this_host()
     except ValueError as error:
@@ -313,7 +309,10 @@ def _may_start(name: str) -> bool:
 
 
 def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:
-    """Handle a command line that starts no node; return its exit status, else None."""
+    """Check the command line, or print help or completions; return None to start the node.
+
+    Otherwise return the exit status.
+    """
     name = command_line.name
     command_line.complete()
     try:

@@ -1,4 +1,4 @@
-"""A node of this package as a child process: started, watched and stopped."""
+"""Start and stop an executable of this package as a child process, and set up its environment."""
 
 from __future__ import annotations
 
@@ -17,20 +17,22 @@ from typing import IO
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.process_end import LAUNCH_PID
 
-# [s] Much longer than any node's own shut-down (a bag's last chunk, the boards' last frames). A
+# [s] Much longer than the shut-down of any node (last chunk of a bag, last frames to the boards). A
 # shut-down takes 0.3 s on an idle host and more than 10 s next to 20 busy programs. Only a hanging
 # node may be killed, because a killed recorder loses the end of its bag.
 STOP_TIMEOUT = 60.0
 _TAIL = 65536  # [bytes]; a page reads the log many times per second, and logs grow for days
 
-
+# The first of these variables that is set selects ROS's log directory. Without any of them ROS
+# does not start.
 _LOG_CHOICES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')
 
 
 def find_log_directory(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Let ROS log to its default directory, or else to a temporary one.
+    """Select a log directory for ROS if no environment variable selects one.
 
-    Schedulers and service managers start programs without HOME. To be called before `rclpy.init`.
+    Schedulers and service managers start programs without HOME. The directory is that of the user,
+    or a temporary one. To be called before `rclpy.init`.
 
     Parameters
     ----------
@@ -47,7 +49,7 @@ def find_log_directory(environment: MutableMapping[str, str] = os.environ) -> No
 
 
 def _home_of_this_user() -> str | None:
-    """Return the user's home directory from the system's user database, or None."""
+    """Return the home directory in the system's user database, or None if it is not writable."""
     try:
         home = getpwuid(os.getuid()).pw_dir
     except KeyError:
@@ -56,24 +58,24 @@ def _home_of_this_user() -> str | None:
 
 
 class NodeProcess:
-    """An executable of the package, run as `python -m aerarm_ros.executables NAME`.
+    """Child process that runs an executable of this package.
 
     The child process ends with this process, even if this process is killed, and with the thread
-    that started it. Ctrl-C does not reach the child, so one process decides the order in which all
-    others end.
+    that started it. Ctrl-C does not reach the child, so that this process can end its children in
+    the right order.
 
     Parameters
     ----------
     name
-        Executable, for example ``recorder``.
+        Name of the executable, for example ``recorder``.
     arguments
         Command-line arguments before ``--ros-args``.
     parameters
         ROS parameters given with ``-p name:=value``.
     environment
-        Variables added to this process's own, for example ``ROS_DOMAIN_ID``.
+        Environment variables added to those of this process, for example ``ROS_DOMAIN_ID``.
     log
-        File for standard output and error; they are inherited if None.
+        File for standard output and error; the child inherits both streams if None.
     """
 
     def __init__(
@@ -100,33 +102,33 @@ class NodeProcess:
 
     @property
     def returncode(self) -> int | None:
-        """Exit status, None while running."""
+        """Exit status of the child process, None while it is running."""
         return self._process.poll()
 
     @property
     def pid(self) -> int:
-        """Process id."""
+        """Id of the child process."""
         return self._process.pid
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait up to `timeout` [s] for the process to end, and return its exit status.
+        """Wait until the child process has ended, at most `timeout` [s]; return its exit status.
 
         Raises
         ------
         subprocess.TimeoutExpired
-            If the process still runs after `timeout`.
+            If the child process still runs after `timeout`.
         """
         return self._process.wait(timeout)
 
     def ask_to_end(self) -> None:
-        """Request the process to end, without waiting."""
+        """Send SIGTERM to the child process, without waiting for its end."""
         self._process.send_signal(signal.SIGTERM)
 
     def stop(self, sent: signal.Signals = signal.SIGTERM, timeout: float = STOP_TIMEOUT) -> int:
-        """Request the process to end, wait, and kill it after a time-out; return its exit status.
+        """End the child process by a signal, or kill it after a time-out; return its exit status.
 
-        The default is not SIGINT, which causes a traceback in a process that is still importing
-        modules.
+        The default signal is not SIGINT, because SIGINT causes a traceback in a process that is
+        still importing modules.
         """
         if self._process.poll() is None:
             self._process.send_signal(sent)
@@ -140,7 +142,7 @@ class NodeProcess:
         return self._process.returncode
 
     def tail(self, lines: int = 15) -> str:
-        """Last lines of the log, from its last 64 KiB."""
+        """Return the last lines of the log file, at most 64 KiB."""
         if not self.log:
             return ''
         with self.log.open('rb') as stream:
@@ -161,7 +163,7 @@ class NodeProcess:
 
 
 def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Environment of a node: this process's, the Fast DDS profile, and `extra`."""
+    """Return the environment for a child process, with the variables `extra`."""
     environment = {**os.environ, **(extra or {})}
     use_packaged_profile(environment)
     find_log_directory(environment)
@@ -169,7 +171,7 @@ def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
 
 
 def parameter_arguments(parameters: Mapping[str, object]) -> list[str]:
-    """Return the command-line arguments that give a node these parameters."""
+    """Return the command-line arguments that set these ROS parameters of a node."""
     arguments = []
     for key, value in parameters.items():
         # ROS accepts several groups of arguments; one group per parameter is readable in `ps`.
@@ -188,21 +190,21 @@ def _as_yaml(value: object) -> str:
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _PEERS = ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
 NETWORK = 'AERARM_NETWORK'
-"""Environment variable; with `open` other hosts can discover the nodes."""
+"""Environment variable; its value `open` permits other hosts to discover the nodes."""
 _OPEN = 'open'
 
 
 def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str:
-    """Restrict discovery to this host, unless AERARM_NETWORK is `open`.
+    """Restrict ROS discovery to this host, unless AERARM_NETWORK is `open`.
 
-    A socket that sends to a radio blocks the cycle once the radio's queue is full. The 1 kHz
-    topics therefore always use shared memory and the loopback interface. `ground_link` connects to
-    other hosts. To be called before `rclpy.init`.
+    A socket that sends to a radio blocks the bridge's cycle once the radio's queue is full. The
+    1 kHz topics therefore always use shared memory and the loopback interface. `ground_link`
+    connects to other hosts. To be called before `rclpy.init`.
 
     Returns
     -------
     notice
-        Ignored variables and advice; empty if no variable is ignored.
+        Names of ignored environment variables, and advice; empty if no variable is ignored.
 
     Raises
     ------
@@ -211,7 +213,10 @@ def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str
     """
     network = environment.get(NETWORK, '')
     if network not in ('', _OPEN):
-        raise ValueError(f"{NETWORK}='{network}' is unknown: unset it, or set {NETWORK}={_OPEN}")
+        raise ValueError(
+            f"environment variable {NETWORK}='{network}' is invalid: unset it, or set "
+            f'{NETWORK}={_OPEN}'
+        )
     if network:
         return ''
     ignored = [name for name in _PEERS if environment.pop(name, '')]
@@ -225,13 +230,14 @@ def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str
     if not ignored:
         return ''
     return (
-        f'{", ".join(ignored)} ignored, because a slow network would stop the loop: the 1 kHz '
-        f'topics stay on this host. Use ground_link between hosts, or set {NETWORK}={_OPEN}'
+        f'ignoring {", ".join(ignored)}: nodes communicate on this host only, because a slow '
+        "network would block the bridge's cycle. Use ground_link between hosts, or set "
+        f'{NETWORK}={_OPEN}'
     )
 
 
 def is_on_this_host(environment: Mapping[str, str] = os.environ) -> bool:
-    """Return whether an environment restricts discovery to this host."""
+    """Return whether environment variables restrict ROS discovery to this host."""
     if environment.get('ROS_STATIC_PEERS') or environment.get('ROS_DISCOVERY_SERVER'):
         return False
     return (
@@ -244,10 +250,11 @@ _PARTICIPANTS = 20  # discovery ports of a domain that are tried
 
 
 def is_domain_free(domain: int) -> bool:
-    """Return whether no node on this host uses a ROS domain of 0 to 101.
+    """Return whether no node on this host uses a ROS domain.
 
-    Each of the first participants in a domain binds its own discovery port (RTPS 2.2, 9.6.1.1). The
-    first participant may have ended before the others, so the function tries 20 ports.
+    `domain` is a domain id of 0 to 101. Each of the first participants in a domain binds its own
+    discovery port (RTPS 2.2, 9.6.1.1). The first participant may have ended before the others, so
+    the function tries 20 ports.
     """
     for participant in range(_PARTICIPANTS):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -264,7 +271,7 @@ _EVERYWHERE, _LOOPBACK = 'fastdds.xml', 'fastdds_loopback.xml'
 
 
 def use_packaged_profile(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Select a packaged Fast DDS profile, unless the environment names another profile.
+    """Select a Fast DDS profile of this package, unless the environment selects another profile.
 
     With the profile, nodes announce themselves often, so discovery takes a fraction of a second
     instead of up to three seconds. If discovery is restricted to this host, the profile uses only

@@ -1,7 +1,7 @@
-"""End of a process: exit status, signals and time limits.
+"""Exit status of a process, signals that end it, and a time limit for its end.
 
 Fast DDS announces its end when a node is destroyed, or else in an exit handler of the C library.
-The exit handler may loop for ever (docs/decisions.md, 70). At that time Python and its signal
+The exit handler may never return (docs/decisions.md, 70). At that time Python and its signal
 handlers have ended or wait in C code, so a timer of the C library enforces the limit.
 
 A node that drives motors must finish its cycle and leave the boards safe. rclpy's signal handlers
@@ -32,24 +32,24 @@ INTERRUPTED = 130  # ended by Ctrl-C, as in shells
 
 
 def print_error(name: str, error: object) -> None:
-    """Print an error on one line of standard error, after the name of the executable."""
+    """Print the executable's name and an error on one line of standard error."""
     if isinstance(error, OSError) and error.filename is not None:
         error = f'{error.filename}: {error.strerror}: check the path and its permissions'
     _print(f'{name}: {" ".join(str(error).split())}', sys.stderr)
 
 
 def print_notice(name: str, notice: str) -> None:
-    """Print progress on standard error; a closed stream does not end the program."""
+    """Print progress on standard error, without failing if that stream is closed."""
     _print(f'{name}: {notice}', sys.stderr)
 
 
 def print_answer(answer: str) -> None:
-    """Print a result on standard output; a closed stream does not end the program."""
+    """Print a result on standard output, without failing if that stream is closed."""
     _print(answer, sys.stdout)
 
 
 def print_account(name: str, account: str) -> None:
-    """Print the final summary of an executable; a closed stream does not end the program."""
+    """Print an executable's final summary, without failing if standard output is closed."""
     _print(f'{name}: {account}', sys.stdout)
 
 
@@ -72,7 +72,7 @@ class _Value(ctypes.Union):
 
 
 class _Event(ctypes.Structure):
-    """`struct sigevent` of <bits/types/sigevent_t.h>, with its full size."""
+    """C structure `sigevent` of <bits/types/sigevent_t.h>, with its full size."""
 
     _fields_ = (
         ('value', _Value),
@@ -85,23 +85,23 @@ class _Event(ctypes.Structure):
 
 
 class _Times(ctypes.Structure):
-    """`struct itimerspec` of <bits/types/struct_itimerspec.h>."""
+    """C structure `itimerspec` of <bits/types/struct_itimerspec.h>."""
 
     _fields_ = tuple((name, ctypes.c_long) for name in ('every', 'every_ns', 'first', 'first_ns'))
 
 
 class ExitLimit:
-    """Context that ends this process by `_exit` if it uses too much processor time.
+    """Context that ends the process by `_exit` once it has used too much processor time.
 
-    The thread continues without real-time priority, because at the loop's priority other threads
-    could not interrupt it. On a system without this timer there is no limit.
+    The thread gives up its real-time priority, because other threads could not interrupt it at
+    that priority. On a system without this timer there is no limit.
 
     Parameters
     ----------
     status
         Exit status if the limit ends the process.
     limit
-        Processor time of all threads from entering the context [s], above 0.
+        Processor time of all threads inside the context [s], above 0.
     """
 
     def __init__(self, status: int, limit: float = LIMIT) -> None:
@@ -135,15 +135,15 @@ class ExitLimit:
 
 
 def exit_within(status: int, limit: float = LIMIT) -> None:
-    """End this process by `_exit` if its end takes more than `limit` [s] of processor time.
+    """Limit the processor time for the end of this process to `limit` [s].
 
-    To be called as the last action; `status` is the exit status in both cases.
+    To be called as the last action. The exit status is `status` if the limit ends the process.
     """
     ExitLimit(status, limit).__enter__()
 
 
-# Signals from a person or a supervisor; a repetition ends the process at once.
-_ASKED = (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT)
+# Signals from a person or a supervisor; a second one ends the process at once.
+_REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT)
 # Other signals that end a process, unless they have a handler.
 _ENDING: tuple[int, ...] = tuple(
     signal.Signals[name]
@@ -167,21 +167,21 @@ _ENDING: tuple[int, ...] = tuple(
 _ENDING += tuple(range(signal.SIGRTMIN, signal.SIGRTMAX + 1))
 # Signals that stop a process until it is continued: Ctrl-Z, and access from the background.
 _FREEZING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
-# [s] A terminal and a supervisor may both pass on one Ctrl-C. A second signal within this time is
-# not a repetition, and the boards are being switched off.
+# [s] A terminal and a supervisor may both pass on one Ctrl-C. A second signal within this time
+# therefore counts as the same request, while the boards are being switched off.
 _SAME = 1.0
 
 
 @dataclass
 class _Request:
-    """Signals received so far, shared by nested contexts."""
+    """State of a stop request, which nested `StopSignals` contexts share."""
 
     is_made: bool = False
-    asked: float | None = None  # time of the first signal in _ASKED [s, monotonic]
+    time: float | None = None  # of the first signal in _REQUESTS [s, monotonic]
 
 
 class StopSignals:
-    """Context in which the stop signals call a function.
+    """Context in which the first signal to end the process calls a function.
 
     A second SIGINT, SIGTERM or SIGQUIT, one second or more after the first, ends the process. A
     second SIGHUP does not end the process, because a closing terminal sends SIGHUP more than once.
@@ -189,18 +189,18 @@ class StopSignals:
     unchanged.
 
     Contexts may be nested. A signal received in the inner context counts for the outer one too:
-    while a process ends, a further signal calls nothing.
+    while a process ends, a further signal calls no function.
 
     Parameters
     ----------
     on_stop
-        Called once, in the main thread, between two of its instructions: it should set a flag and
+        Called once in the main thread, between any two instructions. It should set a flag and
         return. Called at once if the outer context has already received a signal.
     stays_awake
         True for a process that Ctrl-Z must not stop, because its boards would let the arm fall.
     is_last
-        True if no work follows the context. The signals then stay ignored as by `ignore`, so that
-        a late signal cannot end the process.
+        True if no work follows the context. Afterwards all these signals are ignored, as by
+        `ignore`, so that a late signal cannot end the process.
     """
 
     _innermost: ClassVar[StopSignals | None] = None
@@ -223,7 +223,7 @@ class StopSignals:
             self._request = self._outer._request
         unused = [number for number in _ENDING if self._may_take(number)]
         self._previous = {
-            number: signal.signal(number, self._handle) for number in (*_ASKED, *unused)
+            number: signal.signal(number, self._handle) for number in (*_REQUESTS, *unused)
         }
         if self._stays_awake:
             self._previous |= {n: signal.signal(n, signal.SIG_IGN) for n in _FREEZING}
@@ -241,16 +241,16 @@ class StopSignals:
 
     @staticmethod
     def ignore() -> None:
-        """Ignore the signals from now on, because only Python's own end remains.
+        """Ignore all signals to end the process, because it is about to end.
 
         Python removes its handlers during its end, and a late signal would then cause a failure
         status.
         """
-        for number in (*_ASKED, *_ENDING):
+        for number in (*_REQUESTS, *_ENDING):
             signal.signal(number, signal.SIG_IGN)
 
     def _may_take(self, number: int) -> bool:
-        """Return whether a signal is neither ignored nor handled by other code."""
+        """Return whether no other code ignores or handles a signal."""
         handler = signal.getsignal(number)
         if number == signal.SIGHUP:
             return handler is not signal.SIG_IGN
@@ -259,11 +259,11 @@ class StopSignals:
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         request = self._request
-        if number in _ASKED:
+        if number in _REQUESTS:
             now = time.monotonic()
-            if request.asked is None:
-                request.asked = now
-            elif now - request.asked > _SAME:
+            if request.time is None:
+                request.time = now
+            elif now - request.time > _SAME:
                 signal.signal(number, signal.SIG_DFL)
                 signal.raise_signal(number)
         if not request.is_made:
@@ -285,7 +285,7 @@ LAUNCH_PID = 'AERARM_ROS_LAUNCH_PID'
 
 
 def die_with_parent(parent: int) -> None:
-    """Request SIGTERM when the thread that started this process ends.
+    """Configure Linux to send this process SIGTERM when the thread that started it ends.
 
     Parameters
     ----------
@@ -307,11 +307,11 @@ def die_with_parent(parent: int) -> None:
 
 
 def die_with_launch() -> None:
-    """Request SIGTERM when the launch that started this process ends.
+    """Configure Linux to send this process SIGTERM when the ROS launch that started it ends.
 
     Launch can end before its processes: by an exception during start, by SIGTERM or SIGQUIT, or if
-    it is killed. Without launch in the environment this function does nothing. A grandchild of
-    launch is not affected either, because it belongs to its own parent.
+    it is killed. Without the environment variable `LAUNCH_PID` this function does nothing. It does
+    nothing in a grandchild of launch either, because that belongs to its own parent.
 
     Raises
     ------
@@ -334,18 +334,18 @@ _AGAIN = 1.0  # [s] longer than the removal of unfinished files takes
 
 
 def run_offline(name: str, run: Callable[[], int]) -> int:
-    """Run a program until it ends or is interrupted; return its exit status.
+    """Run a program without a node, with clean handling of interrupts; return its exit status.
 
     Parameters
     ----------
     name : str
-        Program name, for messages.
+        Name of the program, for messages.
     run : callable
-        Function to run. An interrupt raises KeyboardInterrupt in it, even if the shell had made
-        interrupts ignored.
+        Function to run. An interrupt raises KeyboardInterrupt in it, even if the shell has
+        configured the process to ignore interrupts.
     """
     interrupt = _Interrupt()
-    # A shell that starts this program in the background makes SIGINT ignored, so set it too.
+    # A shell that starts this program in the background has SIGINT ignored, so set it too.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, interrupt)
     try:
@@ -357,7 +357,7 @@ def run_offline(name: str, run: Callable[[], int]) -> int:
 
 
 def without_ros_arguments(arguments: Sequence[str] | None) -> list[str]:
-    """Return the arguments without those that a launch file appends for ROS."""
+    """Return the command-line arguments without the ROS arguments that a launch file appends."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     while '--ros-args' in given:
         start = given.index('--ros-args')
@@ -367,15 +367,15 @@ def without_ros_arguments(arguments: Sequence[str] | None) -> list[str]:
 
 
 class _Interrupt:
-    """Signal handler that raises KeyboardInterrupt once, even for several signals."""
+    """Signal handler that raises KeyboardInterrupt at the first signal and ignores further ones."""
 
     def __init__(self) -> None:
-        self._is_asked = False
+        self._is_interrupted = False
 
     def __call__(self, number: int, frame: Any) -> None:
-        if self._is_asked and number != signal.SIGALRM:
+        if self._is_interrupted and number != signal.SIGALRM:
             return  # the program is removing unfinished files
-        self._is_asked = True
+        self._is_interrupted = True
         # An exception inside a callback of an extension module or a destructor is lost. So a timer
         # raises it again, unless the program has ended by then.
         signal.setitimer(signal.ITIMER_REAL, _AGAIN)
@@ -386,11 +386,11 @@ _INTERVAL_NS = 100_000_000  # [ns] between two updates on a terminal
 
 
 class ProgressLine:
-    """Update one line on a terminal; in other streams, write one line per phase.
+    """Show a program's progress: one updated line on a terminal, else one line per phase.
 
     Parameters
     ----------
-    name : name of the program, at the front of each line.
+    name : name of the program, at the start of each line.
     stream : output stream; standard output by default.
     """
 
@@ -403,7 +403,7 @@ class ProgressLine:
         self._width = 0
 
     def due(self, now_ns: int, phase: str = '') -> bool:
-        """Return whether a line in this phase is due at `now_ns` [ns, any clock]."""
+        """Return whether the last line is old enough to show another at `now_ns` [ns]."""
         if phase == self._phase and not (self._terminal and now_ns >= self._due_ns):
             return False
         self._phase = phase
@@ -411,7 +411,7 @@ class ProgressLine:
         return True
 
     def show(self, text: str) -> None:
-        """Replace the last line by `text`."""
+        """Replace the line on the terminal by `text`, or write `text` to another stream."""
         line = f'{self._name}: {text}'
         if self._terminal:
             self._stream.write('\r' + line.ljust(self._width))
@@ -421,7 +421,7 @@ class ProgressLine:
         self._stream.flush()
 
     def close(self) -> None:
-        """End the line on the terminal."""
+        """Write a final line break on a terminal."""
         if self._terminal and self._width:
             self._stream.write('\n')
             self._stream.flush()

@@ -1,4 +1,4 @@
-"""ROS arguments of a command line, parsed without ROS."""
+"""Parser for the ROS arguments in a command line; imports no ROS."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data
 from aerarm_ros.ros.process.process_end import USER_ERROR
 
 COMPLETING = '_ARGCOMPLETE'
-"""Environment variable with which a shell requests completions from a program."""
+"""Environment variable that a shell sets when it requests completions from a program."""
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Print the completions that a shell requests, and end the process; otherwise do nothing."""
+    """Print completions and end the process if a shell requests them; otherwise do nothing."""
     if COMPLETING in os.environ:
         import argcomplete
 
@@ -29,9 +29,9 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Print a one-line error that names the option for help, instead of the whole usage.
+    """Argument parser that prints an error as one line, which points to --help.
 
-    The parser also serves a shell's requests for completions.
+    The parser also prints completions if a shell requests them.
     """
 
     def parse_args(  # type: ignore[override]
@@ -54,7 +54,7 @@ ANY_NODE = '/**'
 
 
 class _Untagged(LOADER):  # type: ignore[misc]
-    """YAML loader that ignores tags, as rcl does: ROS's launch writes `!!python/tuple`."""
+    """YAML loader that ignores tags, because ROS's launch writes `!!python/tuple`."""
 
 
 def _without_tag(loader: yaml.SafeLoader, _: str, node: yaml.Node) -> object:
@@ -70,21 +70,21 @@ _Untagged.add_multi_constructor('', _without_tag)
 
 
 class UsageError(ValueError):
-    """An argument is invalid; the message states valid ones."""
+    """A command-line argument is invalid; the message states valid arguments."""
 
 
 @dataclass(frozen=True)
 class GivenParameter:
-    """A parameter with a given value.
+    """Parameter that the command line or a parameter file sets.
 
     Attributes
     ----------
     node
-        Full name of its node, or a pattern: ``*`` is one name, ``**`` any number.
+        Full name of its node, or a pattern: ``*`` is one name, ``**`` any number of names.
     name
         Name of the parameter.
     source
-        Source of the value: ``-p``, or the file's name.
+        Source of the value: ``-p``, or the name of the parameter file.
     """
 
     node: str
@@ -93,31 +93,31 @@ class GivenParameter:
 
     @property
     def is_for_any_node(self) -> bool:
-        """Whether a file gives the parameter to nodes of any name."""
+        """Whether a parameter file sets the parameter for nodes of any name."""
         return self.node.endswith('*') and self.source not in PARAMETER
 
     def is_for(self, node: str) -> bool:
-        """Return whether the parameter applies to the node with this full name."""
+        """Return whether the parameter applies to the node with the full name `node`."""
         pattern = re.escape(self.node).replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'/\w+')
         return re.fullmatch(pattern, node) is not None
 
 
 class RosArguments:
-    """Arguments of a process, split into those for ROS and its own.
+    """Split a command line into plain arguments and arguments for ROS.
 
     Groups of ROS arguments begin with ``--ros-args`` and end with ``--`` or at the end of the line.
 
     Parameters
     ----------
     arguments
-        Command line without the program.
+        Command line without the name of the program.
 
     Attributes
     ----------
     plain : list of str
         Arguments that are not for ROS.
     parameters : list of GivenParameter
-        Given parameters, in the order of the command line.
+        Parameters that the command line and its files set, in the order of the command line.
 
     Raises
     ------
@@ -144,7 +144,7 @@ class RosArguments:
         return f'{namespace.rstrip("/")}/{base}'
 
     def _remapped(self, what: str, node: str) -> str:
-        """Return a name's remapping by the first rule for the node, or an empty text."""
+        """Return the value of the first rule that remaps `what` for the node; empty if none."""
         for rule in self._remaps:
             left, _, value = rule.partition(':=')
             if left in (what, f'{node}:{what}'):
@@ -153,7 +153,7 @@ class RosArguments:
 
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[tuple[str, str]]]:
-    """Return plain arguments, and ROS options with the argument that follows each."""
+    """Return the plain arguments, and pairs of each ROS argument and the argument after it."""
     plain: list[str] = []
     options: list[tuple[str, str]] = []
     is_ros = False
@@ -170,7 +170,7 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[tuple[str, str]]]:
 
 
 def _parameter_of_rule(rule: str) -> GivenParameter:
-    """Read [NODE:]NAME:=VALUE."""
+    """Parse a rule of the form [NODE:]NAME:=VALUE."""
     left, separator, value = rule.partition(':=')
     if not separator:
         raise UsageError(f'-p {rule} is invalid: write -p NAME:=VALUE')
@@ -180,10 +180,11 @@ def _parameter_of_rule(rule: str) -> GivenParameter:
 
 
 def _check_value(rule: str, left: str, value: str) -> None:
-    """Raise UsageError for a value that rcl cannot read, to avoid rcl's long messages."""
+    """Raise a short UsageError for a value that rcl cannot read."""
     if not value:
         raise UsageError(
-            f'-p {rule} has no value: write -p {left}:=VALUE, for an empty text -p {left}:="\'\'"'
+            f'-p {rule} has no value: write -p {left}:=VALUE, or -p {left}:="\'\'" for an empty '
+            'text'
         )
     try:
         is_read = not isinstance(plain_data(value, _Untagged), Mapping)
@@ -191,8 +192,8 @@ def _check_value(rule: str, left: str, value: str) -> None:
         is_read = False
     if not is_read:
         raise UsageError(
-            f"-p {rule} has no valid value: use 2.5, true, '[1.0, 2.0]' or a text; a text with "
-            f'special characters of YAML needs two pairs of quotes, -p {left}:="\'TEXT\'"'
+            f"-p {rule} has no valid value: use 2.5, true, '[1.0, 2.0]' or a text. A text with "
+            f'special characters of YAML needs two pairs of quotes: -p {left}:="\'TEXT\'"'
         )
 
 
@@ -213,11 +214,11 @@ def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
 
 
 def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
-    """Yield the full name of each node in a file, and the content of its ros__parameters."""
+    """Yield each node's full name in a parameter file, and the content of its ros__parameters."""
     if not isinstance(content, Mapping):
         raise UsageError(
-            f"parameter '{node.lstrip('/')}' in parameter file {file} is outside of any section "
-            f"'NODE: {_SECTION}:': move it into one"
+            f"'{node.lstrip('/')}' in parameter file {file} is outside of any section "
+            f"'NODE: {_SECTION}:': move it into such a section"
         )
     for key, below in content.items():
         if key == _SECTION:
@@ -227,7 +228,7 @@ def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
 
 
 def _leaves(values: Any, prefix: str = '') -> Iterator[str]:
-    """Yield the names of parameters, with the names of their groups joined by dots."""
+    """Yield the full names of nested parameters, with dots between group and parameter."""
     for key, value in values.items() if isinstance(values, Mapping) else ():
         if isinstance(value, Mapping):
             yield from _leaves(value, f'{prefix}{key}.')

@@ -1,11 +1,12 @@
-"""Ports of Fast DDS in shared memory, made safe for a loop that sends to new processes.
+"""Prevent Fast DDS from blocking the bridge's cycle when another process starts.
 
-The first message to another process opens its port. If the port was checked just before, the sender
-sleeps for `port_wait_timeout_ms` of that port (Fast DDS 2.14, `SharedMemGlobal.hpp`): a third of
-`healthy_check_timeout_ms`, 1 s with the packaged profile and 0.33 s with the default one. A sender
-in the 1 kHz loop must not sleep. A short health check would drop the messages of a process that
-pauses, and Fast DDS has no setting for the wait alone. So `PortWatch` shortens the wait in each new
-port, which its owner also uses as the period of its idle loop.
+The first message to another process opens its shared-memory port. If the port was checked just
+before, the sender sleeps for `port_wait_timeout_ms` of that port (Fast DDS 2.14,
+`SharedMemGlobal.hpp`). This wait is a third of `healthy_check_timeout_ms`: 1 s with the packaged
+profile and 0.33 s with the default one. A sender in the 1 kHz loop must not sleep. A short health
+check would drop the messages of a process that pauses, and Fast DDS has no setting for the wait
+alone. So `PortWatch` shortens the wait in each new port, which its owner also uses as the period of
+its idle loop.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import threading
 from pathlib import Path
 
 WAIT_MS = 10
-"""Wait that `PortWatch` writes into each port [ms]."""
+"""Value of `port_wait_timeout_ms` that `PortWatch` writes into each port [ms]."""
 
 _FOLDER = Path('/dev/shm')
 _NAME = re.compile(r'fastrtps_port(\d+)')
@@ -33,9 +34,9 @@ _POLL = 0.2  # [s]
 
 
 def shorten_wait(path: Path) -> bool:
-    """Shorten the wait of a port, and return whether the file holds a complete port.
+    """Shorten the wait time in the file of a Fast DDS port; return False if it is incomplete.
 
-    A file of another layout is left alone.
+    A file with another layout stays unchanged.
 
     Raises
     ------
@@ -60,14 +61,14 @@ def shorten_wait(path: Path) -> bool:
 
 
 class PortWatch:
-    """Context in which a thread shortens the wait of each port of this host.
+    """Context in which a thread shortens the wait time in each Fast DDS port of this host.
 
     Without inotify, that is on other systems than Linux, the context does nothing.
 
     Parameters
     ----------
     folder
-        Folder of the shared memory.
+        Folder of the shared-memory files.
     """
 
     def __init__(self, folder: Path = _FOLDER) -> None:
@@ -110,7 +111,7 @@ class PortWatch:
                         self._shorten(self._folder / name)
 
     def _shorten(self, path: Path) -> None:
-        """Shorten the wait of a port that its owner may not have filled yet."""
+        """Shorten the wait time of a new port, as soon as its owner has written the file."""
         if _NAME.fullmatch(path.name) is None:
             return
         with contextlib.suppress(OSError, ValueError):
@@ -120,7 +121,7 @@ class PortWatch:
 
 
 def _names(events: bytes) -> list[str]:
-    """Return the names of files in events of inotify."""
+    """Return the file names in a sequence of inotify events."""
     names, place = [], 0
     while place < len(events):
         *_, length = _EVENT.unpack_from(events, place)

@@ -1,4 +1,4 @@
-"""Client for a person's requests to the bridge from another process."""
+"""Client for the services of the running bridge, for commands and nodes."""
 
 from __future__ import annotations
 
@@ -27,19 +27,23 @@ from aerarm_ros.ros.requests.bridge_service import (
 )
 
 _DISCOVERY_TIME = 0.5  # [s]
-_SEEN_AFTER_DEATH = 6.0  # [s] for which nodes see a killed node, with the packaged profile
+# [s] for which discovery still lists a killed node, with the packaged profile
+_LISTED_AFTER_DEATH = 6.0
 _QUIET = 1.0  # [s] of waiting without a message to the user
 
 
 class ArmClientError(RuntimeError):
-    """A node is absent, silent or refuses a request; the message states the node and the advice."""
+    """A request failed: the node was not found, did not answer or rejected the request.
+
+    The message names the node and states what to check.
+    """
 
 
 class ArmClient:
-    """Call the services of the running bridge, and follow the arm's mode.
+    """Call the services of the running bridge, and subscribe to the arm's mode.
 
-    The methods spin the node, so no executor may contain it. The service clients are created
-    early, because an answer is lost if the bridge has not yet discovered the client.
+    The methods spin the node, so no executor may contain it. The constructor creates the service
+    clients, because an answer is lost if the bridge has not yet discovered the client.
 
     Parameters
     ----------
@@ -51,14 +55,14 @@ class ArmClient:
     actions
         Names of the actions that will be called.
     on_wait
-        Called with a description if no bridge is found within a second.
+        Called with a description of the awaited node if the client has waited for one second.
     everywhere
         Whether a stop request goes to the bridges of all namespaces.
 
     Attributes
     ----------
     mode
-        Last `arm_mode`, '' before the first.
+        Newest `arm_mode`, '' before the first message.
     """
 
     def __init__(
@@ -92,7 +96,7 @@ class ArmClient:
         )
 
     def call(self, action: str, timeout: float = 10.0) -> str:
-        """Call a service of the bridge and return its answer.
+        """Call a service of the bridge and return the text of its answer.
 
         If several bridges run, a stop request goes to all of them; any other request raises an
         error.
@@ -107,7 +111,7 @@ class ArmClient:
         Raises
         ------
         ArmClientError
-            If no bridge runs, or the bridge does not answer, or refuses.
+            If no bridge runs, or the bridge does not answer or rejects the request.
         """
         if action in STOPS:
             return '; '.join(self.stop(action, timeout))
@@ -122,7 +126,7 @@ class ArmClient:
         return answer.message
 
     def stop(self, action: str, timeout: float = 10.0) -> Iterator[str]:
-        """Stop the arm of every bridge; yield each answer as soon as it arrives.
+        """Send a stop request to every bridge, and yield each answer as soon as it arrives.
 
         Parameters
         ----------
@@ -134,8 +138,8 @@ class ArmClient:
         Raises
         ------
         ArmClientError
-            Raised after the last answer, if no bridge runs, a bridge does not answer, or it
-            refuses.
+            Raised after the last answer, if no bridge runs, or a bridge does not answer or
+            rejects the request.
         """
         request = StopRequest(self._node, self._finders[action], timeout)
         self._find(lambda: request.poll() or request.has_found, timeout)
@@ -155,12 +159,12 @@ class ArmClient:
             raise ArmClientError(f'{action} is NOT confirmed: {"; ".join(failed)}')
 
     def wait_for_mode(self, modes: Collection[str], timeout: float) -> None:
-        """Wait until the arm is in one of `modes`.
+        """Wait until the newest `arm_mode` is one of `modes`.
 
         Raises
         ------
         ArmClientError
-            If the arm does not reach such a mode within `timeout` [s].
+            If the arm reaches none of these modes within `timeout` [s].
         """
         deadline = time.monotonic() + timeout
         self._find(lambda: self.mode, timeout)
@@ -172,7 +176,7 @@ class ArmClient:
             raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}, but {seen}')
 
     def _find(self, condition: Callable[[], object], timeout: float) -> bool:
-        """Wait for a condition that shows a running bridge, and call `on_wait` after a second."""
+        """Wait until a running bridge meets `condition`; return False after `timeout` [s]."""
         if spin_until(self._node, condition, min(timeout, _QUIET)):
             return True
         if timeout <= _QUIET:
@@ -181,7 +185,7 @@ class ArmClient:
         return spin_until(self._node, condition, timeout - _QUIET)
 
     def _one_client(self, clients: Sequence[Client], timeout: float) -> Client:
-        """Return the client of the only running bridge; raises ArmClientError."""
+        """Return the client of the only running bridge, or raise ArmClientError."""
 
         def ready() -> list[Client]:
             return [client for client in clients if client.service_is_ready()]
@@ -204,10 +208,10 @@ class ArmClient:
         return found[0]
 
     def _expect_one_of_its_name(self, client: Client, timeout: float) -> None:
-        """Raise ArmClientError if several bridges share a name: all would execute the request."""
+        """Raise ArmClientError if several bridges share a name, as all would run the request."""
         if same_name_problem(self._node, client):
-            self._on_wait('one of the bridges of this name to end, if it was killed')
-            timeout = min(timeout, _SEEN_AFTER_DEATH)
+            self._on_wait('one of the bridges with this name to end, if it was killed')
+            timeout = min(timeout, _LISTED_AFTER_DEATH)
             spin_until(self._node, lambda: not same_name_problem(self._node, client), timeout)
         problem = same_name_problem(self._node, client)
         if problem:
@@ -220,7 +224,7 @@ class ArmClient:
 HOLD, RELEASE = 'hold', 'release'
 
 BRIDGES_PARAMETER = Parameter(
-    'bridges', list(BRIDGES), 'node names of the bridges to send requests to'
+    'bridges', list(BRIDGES), 'possible node names of the bridge to which this node sends requests'
 )
 
 AT_END_PARAMETERS = grouped(
@@ -237,9 +241,9 @@ AT_END_PARAMETERS = grouped(
 
 
 class ArmAtEnd:
-    """Request at a node's end that the bridge holds the arm, if `at_end` specifies so.
+    """Call the bridge's service `hold` when a node ends, if its parameter `at_end` is 'hold'.
 
-    A node that is killed requests nothing, so the bridge damps its arm.
+    A killed node sends no request, so the bridge damps the arm.
 
     Parameters
     ----------
@@ -255,7 +259,7 @@ class ArmAtEnd:
         self._hold = BridgeService(node, 'hold', values.bridges) if values.at_end == HOLD else None
 
     def leave(self) -> None:
-        """Request that the bridge holds the arm; blocks until the bridge has answered."""
+        """Call `hold`, and wait until the bridge has answered."""
         if self._hold is None or not self._hold.found:
             return
         done, text = self._hold.call()

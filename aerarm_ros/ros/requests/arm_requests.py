@@ -17,11 +17,11 @@ from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 NAME = 'arm'
 HERE = 64
-"""Exit status of a search that found no drone behind `ground_link`."""
+"""Exit status of `arm record` if no `ground_link` runs, so the recorder must run on this host."""
 
 
 class Arm:
-    """Command-line client that sends one request.
+    """Node that sends the request of one `arm` command and prints the result.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ def _say_wait(what: str) -> None:
 
 
 def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    """Return a function that calls the bridge's service.
+    """Return a function that calls the service of the bridge that the command names.
 
-    The service client is created now, because discovery takes time.
+    The service client is created before that call, because discovery takes time.
     """
     bridges = options.bridge or (['fake_hardware'] if options.command == 'put_back' else [])
     actions = [options.command, *(['home'] if getattr(options, 'home', False) else [])]
@@ -136,7 +136,7 @@ def _record(node: Node, options: argparse.Namespace) -> Callable[[], None]:
             if options.command == 'record':
                 raise _HereError
             raise ArmClientError(
-                f'no ground_link of the ground runs in {this_domain()}: start ground_side.launch.py'
+                f'no ground_link runs on this host in {this_domain()}: start ground_side.launch.py'
             )
         if options.command == 'record':
             request.record()
@@ -147,7 +147,7 @@ def _record(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 class _HereError(Exception):
-    """The recorder runs on this host."""
+    """No `ground_link` runs, so the recorder must run on this host."""
 
 
 def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
@@ -177,5 +177,5 @@ _REQUESTS: dict[str, Callable[[Node, argparse.Namespace], Callable[[], None]]] =
 
 
 def run_request(options: argparse.Namespace, args: Sequence[str] | None) -> int:
-    """Send the request of a command line; return 0 if it succeeded, or `HERE`."""
+    """Send the request of an `arm` command; return its exit status, 0 if it succeeded."""
     return run_node(NAME, lambda: Arm(options), args)

@@ -1,4 +1,4 @@
-"""Calls of the bridge's services by a node whose executor runs in another thread."""
+"""Service calls to the bridge from a node that an executor spins in another thread."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ ASK_AGAIN = 0.5  # [s]
 
 
 class ServiceCall:
-    """A service call that is sent on construction, and whose owner polls for the answer.
+    """Call of one service: the constructor sends the request, `poll` returns the answer.
 
-    The owner polls while the node is spun, in the same or another thread.
+    The caller of `poll` must spin the node, in the same or another thread.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class ServiceCall:
     Attributes
     ----------
     is_answered
-        Whether the result of `poll` is the bridge's own answer.
+        Whether the result of `poll` is an answer of the bridge, not of this class.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class ServiceCall:
         self._send()
 
     def poll(self) -> Answer | None:
-        """Return the bridge's answer, the reason why there is none, or None while waiting."""
+        """Return the bridge's answer or a failure message, or None while waiting."""
         if self._answer is not None:
             return self._answer
         now = time.monotonic()
@@ -73,7 +73,7 @@ class ServiceCall:
         if is_late:
             return self._end(False, f'no response within {self._timeout:g} s: check arm_mode')
         if not self._waits and not self._client.service_is_ready():
-            return self._end(False, 'the node has ended')
+            return self._end(False, 'the bridge has ended: check its log')
         if now - self._asked > self._interval:
             self._asked = now
             self._send()
@@ -102,9 +102,10 @@ _TRIGGER = 'std_srvs/srv/Trigger'
 
 
 def offered_actions(node: Node) -> dict[str, int]:
-    """Return the number of servers of each service that a bridge may offer, by full name.
+    """Return the number of servers of each bridge service in the ROS graph, by full name.
 
-    The ROS graph also lists services that only have clients, such as those of a web page.
+    The ROS graph also lists services without a server if they have clients, such as the page of
+    `view`.
     """
     counts = {
         name: node.count_services(name)
@@ -115,7 +116,7 @@ def offered_actions(node: Node) -> dict[str, int]:
 
 
 def bridges_among(services: Iterable[str]) -> list[str]:
-    """Return the full names of the nodes that offer every service of a bridge.
+    """Return the full names of the nodes that offer all services of a bridge.
 
     Parameters
     ----------
@@ -131,36 +132,37 @@ def bridges_among(services: Iterable[str]) -> list[str]:
 
 
 def same_name_problem(node: Node, client: Client | None) -> str:
-    """Return a message if several nodes share the name of a client's bridge, else an empty text.
+    """Return a message if several bridges have the name that a client calls, else an empty text.
 
-    All of these nodes execute the request, but the client receives only one answer.
+    All of these bridges execute the request, but the client receives only one answer.
     """
     count = node.count_services(client.srv_name) if client is not None else 0
     if client is None or count < 2:
         return ''
     name = node.resolve_service_name(client.srv_name).rpartition('/')[0]
     return (
-        f'found {count} nodes named {name}: stop all but one, or give each its own name (-r '
-        '__node:=NAME), namespace or ROS_DOMAIN_ID'
+        f'found {count} nodes named {name}: stop all but one, or start each with a different '
+        'name (-r __node:=NAME), namespace or ROS_DOMAIN_ID'
     )
 
 
 class BridgeFinder:
-    """Find every bridge that offers an action, and keep a client of each.
+    """Find all running bridges, and create a client for one service of each.
 
     The methods may be called from any thread.
 
     Parameters
     ----------
     node
-        Owner of the clients, with whose view of the ROS graph bridges are found.
+        Owner of the clients; the finder searches the ROS graph of this node.
     action
-        A key of `bridge_services.ACTIONS`. The finder searches the node's namespace. If that
-        namespace has no bridge, it searches all namespaces for the actions of `REACHES_ALL`.
+        Name of the service, one of `ACTIONS`. The finder searches the node's namespace. If that
+        namespace has no bridge and `action` is in `REACHES_ALL`, it searches all namespaces.
     bridges
-        Node names of bridges that are known in advance, so that their first answer is not lost.
+        Node names of expected bridges. Their clients are created at once, because the first
+        answer is lost if the bridge has not yet discovered the client.
     only
-        Whether to ignore other bridges.
+        Whether to ignore bridges that `bridges` does not name.
     everywhere
         Whether to search all namespaces in any case.
     """
@@ -186,11 +188,11 @@ class BridgeFinder:
             self._clients[service.rpartition('/')[0]] = self._client(service)
 
     def find(self, in_vain: bool = False) -> dict[str, Client | None]:
-        """Return a client of each running bridge, by the bridges' full names.
+        """Return the client of each running bridge, with the bridge's full name as the key.
 
-        If the own namespace was already searched without success (`in_vain`), an emergency stop
-        finds the bridges of all namespaces at once. A bridge that has just been found may not be
-        ready yet. The client is None if this node is not allowed to call that bridge.
+        `in_vain` means that the node's own namespace was already searched without success. An
+        emergency stop then searches all namespaces at once. A client may not be ready yet. It is
+        None if this node is not allowed to call that bridge.
         """
         with self._lock:
             names = self._look(in_vain)
@@ -204,7 +206,7 @@ class BridgeFinder:
             }
 
     def is_settled(self) -> bool:
-        """Return whether discovery had enough time and the set of services has not just changed."""
+        """Return whether discovery is probably complete, so that no further bridge appears."""
         now = time.monotonic()
         return now - self._born > _DISCOVERY_TIME and now - self._changed > _PAUSE
 
@@ -234,7 +236,7 @@ _POLL = 0.02  # [s]
 
 
 class BridgeService:
-    """Call a service of the only running bridge.
+    """Call a service of the bridge, provided that exactly one bridge runs.
 
     If several bridges run, the request goes to none of them. Use `StopService` for stop requests.
 
@@ -243,7 +245,7 @@ class BridgeService:
     node
         Owner of the clients; an executor must spin it in another thread.
     action
-        Name of the service, a key of `bridge_services.ACTIONS` or of the emulated bridge's.
+        Name of the service, one of `ACTIONS` or of the additional services of `fake_hardware`.
     bridges
         Node names of the bridges, relative or absolute.
     timeout
@@ -259,7 +261,7 @@ class BridgeService:
 
     @property
     def found(self) -> str:
-        """Node name of a discovered bridge, or an empty text."""
+        """Node name of a discovered bridge; empty if no bridge is found."""
         return next(iter(self._ready()), '')
 
     def call(self) -> tuple[bool, str]:
@@ -299,14 +301,14 @@ class BridgeService:
         return {n: client for n, client in self._clients.items() if client.service_is_ready()}
 
 
-# Services that appear and disappear all the time must not delay the answer further.
+# Services that repeatedly appear and disappear must not delay the answer beyond this time.
 _LOOKING_MAX = 8.0  # [s]
 
 
 class StopRequest:
-    """Stop request to each bridge as soon as it is found, without waiting for other answers.
+    """Send a stop request to each bridge as soon as it is found, and collect the answers.
 
-    The owner polls while the node is spun, in the same or another thread.
+    The caller of `poll` must spin the node, in the same or another thread.
 
     Parameters
     ----------
@@ -341,11 +343,11 @@ class StopRequest:
 
     @property
     def has_found(self) -> bool:
-        """Whether at least one bridge has received the request."""
+        """Whether the request was sent to at least one bridge."""
         return bool(self._calls)
 
     def poll(self) -> bool:
-        """Send the request to newly found bridges and collect answers; return `is_over`."""
+        """Send the request to newly found bridges, collect answers, and return `is_over`."""
         found = self._finder.find(self._is_in_vain)
         for name, client in found.items():
             if client is not None and client.service_is_ready():
@@ -361,7 +363,7 @@ class StopRequest:
         if is_late:
             for name in found.keys() - self._calls.keys():
                 self.answers[name] = Answer(
-                    False, 'the node is visible, but cannot receive requests'
+                    False, 'the bridge is visible, but cannot receive requests: check its log'
                 )
         is_answered = not (found.keys() | self._calls.keys()) - self.answers.keys()
         # The search for further bridges continues after the first one, even beyond the timeout.
@@ -371,17 +373,17 @@ class StopRequest:
         return self.is_over
 
     def _ask(self, name: str, client: Client) -> None:
-        """Send the request to a bridge, and again when another bridge with its name appears."""
+        """Send the request to a bridge; repeat it if another bridge with its name appears."""
         count = max(self._node.count_services(client.srv_name), 1)  # The service is ready.
         if count > self._asked.get(name, 0):
             self._asked[name] = count
             self._calls[name] = ServiceCall(client, self._timeout, repeats=True)
 
     def _ask_those_of_one_name(self, found: Mapping[str, Client | None]) -> bool:
-        """Report bridges with a common name; return whether they received a last request.
+        """Send one more request to bridges that share a name; return whether any was sent.
 
         A request that was sent during the discovery of these bridges may not have reached all of
-        them.
+        them. Afterwards the answer for their name becomes an error.
         """
         asked = False
         for name, client in found.items():
@@ -397,14 +399,14 @@ class StopRequest:
 
 
 class StopService:
-    """Stop the arm of every running bridge.
+    """Send a stop request to every running bridge, and wait for all answers.
 
     Parameters
     ----------
     node
         Owner of the clients; an executor must spin it in another thread.
     action
-        A key of `bridge_services.STOPS`.
+        Name of the service, one of `STOPS`.
     bridges
         Node names of expected bridges, relative or absolute.
     timeout
@@ -420,7 +422,7 @@ class StopService:
         self._timeout = timeout
 
     def look(self) -> None:
-        """Find the running bridges and create their clients, so that a later call is quick."""
+        """Find the running bridges and create their clients, to save time in a later call."""
         self._finder.find()
 
     def call(self) -> tuple[bool, str]:

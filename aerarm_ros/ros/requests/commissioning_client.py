@@ -1,4 +1,4 @@
-"""Client that connects the guided commissioning procedure with the bridge."""
+"""Client that runs the guided commissioning procedure on a bridge, for terminal and web page."""
 
 from __future__ import annotations
 
@@ -35,23 +35,25 @@ from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 _PERIOD = 0.05  # [s] between two requests
-_SILENCE = 10.0  # [s] without a report, after which the bridge counts as gone
-_LAST = 4  # final requests, repeated because a single one may be lost
+_SILENCE = 10.0  # [s] without a report, after which the bridge counts as ended
+_LAST = 4  # final requests, because a single one may be lost
 _STILL = 0.01  # [rad] largest motion of a resting motor between two reports, on the motor side
 _STILL_REPORTS = 10
 
 
 class CommissioningClient:
-    """Run a `Commissioning` procedure on a bridge; `poll` must be called at 10 Hz or faster.
+    """Run a `Commissioning` procedure on a bridge.
+
+    The owner must call `poll` at 10 Hz or faster.
 
     Parameters
     ----------
     node
         Owner of publisher and subscription.
     config, urdf
-        Files of the arm, '' for the packaged ones.
+        Configuration and URDF of the arm, '' for the packaged files.
     record
-        File of the record, '' for the default file next to the configuration.
+        File for the commissioning record, '' for the default file next to the configuration.
 
     Attributes
     ----------
@@ -81,58 +83,60 @@ class CommissioningClient:
 
     @property
     def is_on(self) -> bool:
-        """Whether the procedure is running."""
+        """Whether the commissioning procedure is running."""
         return self.guided is not None and not self.guided.is_done
 
     @property
     def prompt(self) -> Prompt | None:
-        """Question that the user must confirm now, or None."""
+        """Question that the user must answer now, or None."""
         return None if self.guided is None else self.guided.prompt
 
     @property
     def path(self) -> Path:
-        """File of the record."""
+        """File of the commissioning record."""
         emulated = self.report is not None and self.report.emulated
         return Path(self._given) if self._given else record_path(self._source, emulated)
 
     @property
     def problem(self) -> str:
-        """Reason why the procedure cannot continue; empty otherwise."""
+        """Reason why the commissioning procedure cannot continue, or an empty text."""
         silent = time.monotonic() - self._received_at > _SILENCE
         return 'the bridge no longer responds' if silent and self.is_on else ''
 
     @property
     def outcome(self) -> tuple[bool, str]:
-        """Return whether every recorded joint has passed, and a text with the record's file."""
+        """Whether every recorded joint has passed, and a summary that names the record's file."""
         record = self.guided.record.joints if self.guided is not None else {}
         failed = [name for name, entry in record.items() if not entry.passed]
         if failed:
             return False, (
-                f'{", ".join(failed)} did not pass, see {self.path}: correct the findings, then '
-                'commission these joints again'
+                f'{", ".join(failed)} did not pass: read the findings in {self.path}, correct '
+                'their causes, then commission these joints again'
             )
         return True, f'passed: {", ".join(record)}; record: {self.path}'
 
     def begin(self, joints: Sequence[str] = (), resume: bool = False) -> None:
-        """Start the procedure with a bridge that has reported; by default for all joints.
+        """Start the commissioning procedure for the named joints, or for all if `joints` is empty.
 
-        With `resume`, joints that have passed with the present configuration are skipped.
+        With `resume`, the procedure skips joints that have passed with the present configuration.
 
         Raises
         ------
         ValueError
-            If the bridge has another arm, a joint or the record is invalid, or all joints have
-            passed.
+            If no bridge has reported or its arm differs from the configuration, if a joint or the
+            record is invalid, or if all joints have passed.
         """
         if self.report is None:
-            raise ValueError('no bridge has reported yet')
+            raise ValueError(
+                'no bridge has answered a commissioning request yet: check that one is active'
+            )
         own = self._config.joint_names
         self._prefix = self.report.joints[0].removesuffix(own[0])
         config = self._config.with_prefix(self._prefix)
         if config.joint_names != self.report.joints:
             raise ValueError(
                 f'the bridge has joints {", ".join(self.report.joints)}, but {self._source} has '
-                f'{", ".join(own)}: pass the configuration of the bridge'
+                f'{", ".join(own)}: select the same configuration as the bridge, with --config'
             )
         robot = load_robot(
             self._urdf or None,
@@ -148,15 +152,15 @@ class CommissioningClient:
         if resume:
             chosen = [i for i in chosen if i in record.open_joints(self._config)]
         if not chosen:
-            raise ValueError(f'every joint has passed, see {self.path}')
+            raise ValueError(f'every selected joint has already passed, see {self.path}')
         self._saved = record.with_prefix(self._prefix)
         self._received_at = time.monotonic()
         self.guided = Commissioning(config, robot, self._saved, chosen, self._name)
 
     def poll(self) -> None:
-        """Send a request, read the newest report, and write the record of a finished joint.
+        """Send the present request, process the newest report, and save a changed record.
 
-        Raises OSError if the record cannot be written.
+        Raises OSError if the record cannot be saved.
         """
         now = time.monotonic()
         if now - self._sent >= _PERIOD:
@@ -171,7 +175,7 @@ class CommissioningClient:
             self._saved.without_prefix(self._prefix).save(self.path)
 
     def end(self) -> None:
-        """Switch the motors off; the record keeps the joints that have passed."""
+        """Switch the motors off; joints that have passed stay in the record."""
         if self.guided is not None:
             self.guided.end()
         for _ in range(_LAST):
@@ -192,7 +196,8 @@ class CommissioningClient:
         if (record.arm, record.emulated) != (fresh.arm, fresh.emulated):
             kind = 'an emulated' if record.emulated else 'the real'
             raise ValueError(
-                f'{self.path} belongs to {kind} {record.arm}: pass another file with --record'
+                f'{self.path} is the record of {kind} {record.arm}: select another file with '
+                '--record'
             )
         return record
 
@@ -213,14 +218,14 @@ class CommissioningClient:
 
 
 class EmulatedPerson:
-    """Answer the prompts on emulated boards: turn joints and confirm questions.
+    """Stand in for the person on emulated boards: turn the joints and confirm the prompts.
 
     Parameters
     ----------
     node
-        Owner of the client.
+        Owner of the parameter client.
     client
-        Client whose prompts are answered.
+        Commissioning client whose prompts are answered.
     bridge
         Node of the emulated boards, with the parameter `hand`.
     """
@@ -234,7 +239,7 @@ class EmulatedPerson:
         self._still = 0
 
     def poll(self) -> None:
-        """Do the next action; called once after each `poll` of the client.
+        """Perform the next action; to be called once after each `poll` of the client.
 
         Raises ValueError if the parameter `hand` is rejected.
         """
@@ -259,7 +264,7 @@ class EmulatedPerson:
         return self._parameters.set_parameters([hand])
 
     def _rests(self, report: ProbeReport | None) -> bool:
-        """Return whether the motors have rested for several reports."""
+        """Return whether the motors have not moved during the last ten reports."""
         if report is None or report is self._last:
             return False
         last, self._last = self._last, report
@@ -274,7 +279,7 @@ _ANSWERS = '[y: done, n: skip this step, Ctrl-C: stop, motors off]'
 
 
 class CommissioningRun:
-    """Prompt a person, and print the findings.
+    """Run the commissioning procedure in a terminal: print prompts and findings, read answers.
 
     Parameters
     ----------
@@ -293,7 +298,7 @@ class CommissioningRun:
         self._printed = 0
 
     def run(self) -> None:
-        """Run the procedure; the motors are off afterwards in every case.
+        """Run the commissioning procedure, and switch the motors off at the end in every case.
 
         Raises
         ------
@@ -312,7 +317,7 @@ class CommissioningRun:
         passed, text = client.outcome
         if not passed:
             record = f' --record {options.record}' if options.record else ''
-            raise ArmClientError(f"{text}, continue with 'arm commission --resume{record}'")
+            raise ArmClientError(f"{text} with 'arm commission --resume{record}'")
         print(text, flush=True)
 
     def _find_bridge(self) -> None:
@@ -324,13 +329,13 @@ class CommissioningRun:
 
         if not spin_until(self._node, has_reported, self._options.timeout):
             raise ArmClientError(
-                'no bridge responds to commissioning_request: check that one is active in '
+                'no bridge answers on commissioning_report: check that a bridge is active in '
                 f'{this_domain()}'
             )
         if self._person is not None and not (client.report and client.report.emulated):
             raise ArmClientError(
-                '--yes is for emulated boards only: on a real arm a person has to turn the '
-                'joints, and to check that nothing is in the way of the arm'
+                '--yes is for emulated boards only: on a real arm a person must turn the joints '
+                'and check that the arm can move freely'
             )
 
     def _lead(self) -> None:
@@ -363,7 +368,7 @@ class CommissioningRun:
             print(f'  {prompt.text} {_ANSWERS}', flush=True)
 
     def _read_answer(self) -> None:
-        """Read a typed line; the end of the input ends the procedure."""
+        """Read a typed line, and answer the prompt with it; a closed terminal is an error."""
         guided = self._client.guided
         if guided is None or self._client.prompt is None:
             return
@@ -371,7 +376,8 @@ class CommissioningRun:
             read = os.read(sys.stdin.fileno(), 256).decode(errors='replace')
             if not read:
                 raise ArmClientError(
-                    'the terminal was closed: the procedure has stopped, motors off'
+                    'the terminal was closed, so commissioning has stopped and the motors are '
+                    "off: continue with 'arm commission --resume'"
                 )
             self._typed += read
         line, newline, rest = self._typed.partition('\n')
@@ -383,4 +389,4 @@ class CommissioningRun:
         if answer in ('y', 'yes', 'n', 'no'):
             guided.answer(answer.startswith('y'))
         else:
-            print_notice('arm', f'{answer!r} is not a valid answer, type y or n')
+            print_notice('arm', f'{answer!r} is not a valid answer: type y or n')

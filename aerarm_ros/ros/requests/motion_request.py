@@ -1,4 +1,4 @@
-"""Requests for a motion of joints or tool."""
+"""Clients that publish a goal for the joints or the tool, and wait for the end of the motion."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from aerarm_ros.ros.requests.arm_client import ArmClientError
 from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 POINT_PERIOD = 0.02
-"""[s] between two points, short enough for interpolation by quintics."""
+"""Time between two trajectory points [s], short enough for quintic interpolation."""
 
 _SECOND = 1_000_000_000
 
@@ -34,7 +34,7 @@ _SECOND = 1_000_000_000
 def trajectory_message(
     motion: JointMotion, names: Sequence[str], start_ns: int = 0
 ) -> JointTrajectory:
-    """Return points of a motion with velocity and acceleration as a message.
+    """Sample a joint motion, and return it as a trajectory message with velocity and acceleration.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def trajectory_message(
     names
         Names of the joints.
     start_ns
-        Start in the time of the states [ns]; 0 to start at once.
+        Start time on the clock of the joint states [ns]; 0 to start at once.
     """
     times = np.append(np.arange(0.0, motion.duration - 1e-6, POINT_PERIOD), motion.duration)
     q, dq, ddq = motion.evaluate(times)
@@ -73,7 +73,7 @@ _REACTIONS = 'reactions to contact'
 
 
 class RejectionWatch:
-    """Follow the numbers of rejected inputs and of reactions to contact on /diagnostics.
+    """Detect on /diagnostics that a controller rejects an input or ends a motion at a contact.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class RejectionWatch:
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
 
     def begin(self, timeout: float) -> None:
-        """Store the present counts; spins the node until the controllers have reported.
+        """Wait until the controllers have published diagnostics, and store their present counts.
 
         Parameters
         ----------
@@ -106,13 +106,13 @@ class RejectionWatch:
         self._touches_before = dict(self._touches)
 
     def reason(self) -> str:
-        """Return why an input was rejected since `begin`, or an empty text."""
+        """Return why a controller has rejected an input since `begin`; empty if none has."""
         before = self._before
         later = self._counts.items()
         return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
 
     def touch(self) -> str:
-        """Return how a motion ended at a contact since `begin`, '' if none did."""
+        """Return how a contact has ended a motion since `begin`; empty if none has."""
         before = self._touches_before
         later = self._touches.items()
         return next((how for name, (n, how) in later if n > before.get(name, (0, ''))[0]), '')
@@ -135,7 +135,7 @@ _SEARCH = 10.0  # [s] for discovery on a busy machine
 
 
 class _MotionRequest:
-    """Publisher of one target, with the arm's mode and the reasons why a motion ends.
+    """Publish a goal, and detect whether a controller rejects it.
 
     Parameters
     ----------
@@ -160,12 +160,12 @@ class _MotionRequest:
         self._mode = message.data
 
     def _require_held(self) -> None:
-        """Raise ArmClientError if the arm cannot move."""
+        """Raise ArmClientError if the arm's mode permits no motion."""
         if self._mode not in HELD:
             raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
 
     def _wait(self, ended: Callable[[], bool], timeout: float) -> bool:
-        """Return whether a motion ended in time; raises ArmClientError if it was rejected."""
+        """Return whether the motion ended in time, or raise ArmClientError if it was rejected."""
         in_time = spin_until(self._node, lambda: ended() or self._rejections.reason(), timeout)
         if self._rejections.reason():
             raise ArmClientError(rejection(self._rejections.reason()))
@@ -173,7 +173,7 @@ class _MotionRequest:
 
 
 class SetPointRequest(_MotionRequest):
-    """Publish a set point and wait for the result.
+    """Move the joints: publish a set point, and wait until the arm has reached it.
 
     Parameters
     ----------
@@ -205,22 +205,23 @@ class SetPointRequest(_MotionRequest):
         tolerance
             Largest error of each joint at the goal [rad].
         timeout
-            Longest time to find a controller after the arm, and again for the motion [s].
+            Longest time to find a controller once the arm is found, and again for the motion [s].
         on_wait
             Called with a description of the missing node.
         reaction
-            Reaction to contact during this motion; if empty, that of the controller.
+            Value of the controllers' parameter `contact_reaction` during this motion; unchanged
+            if empty.
 
         Raises
         ------
         ArmClientError
-            If no arm or controller runs, the posture does not fit the arm, or it is rejected or
-            not reached.
+            If no bridge or controller runs, the posture has the wrong number of joints, or a
+            controller rejects or does not reach it.
         """
         names = self._find_arm(timeout, on_wait)
         if len(posture) != len(names):
             raise ArmClientError(
-                f'{len(names)} joint positions [rad] are needed, for {", ".join(names)}'
+                f'the arm needs {len(names)} joint positions [rad], for {", ".join(names)}'
             )
         with ExitStack() as stack:
             for controller in self._controllers() if reaction else []:
@@ -231,7 +232,7 @@ class SetPointRequest(_MotionRequest):
     def _move(
         self, names: list[str], posture: Sequence[float], tolerance: float, timeout: float
     ) -> None:
-        """Publish the set point and wait until the motion ends; raises ArmClientError."""
+        """Publish the set point, and wait until the arm reaches it, or raise ArmClientError."""
         self._rejections.begin(timeout)
         self._publisher.publish(JointState(name=names, position=list(posture)))
 
@@ -246,18 +247,18 @@ class SetPointRequest(_MotionRequest):
         in_time = self._wait(ended, timeout)
         if self._rejections.touch():
             raise ArmClientError(
-                f'{self._rejections.touch()}: remove the object that touches the arm, then send '
-                'the goal again'
+                f'{self._rejections.touch()}: remove the object that touches the arm, then repeat '
+                'the command'
             )
         if not in_time:
             far = np.argmax(distance())
             raise ArmClientError(
-                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s, and '
-                f'arm_mode is {self._mode}: check the log of the controller'
+                f'{names[far]} is still {distance()[far]:.3f} rad away from its goal after '
+                f'{timeout:g} s, and arm_mode is {self._mode}: check the log of the controller'
             )
 
     def _find_arm(self, timeout: float, on_wait: Callable[[str], None]) -> list[str]:
-        """Return the joint names once arm and controller are running."""
+        """Return the joint names once a bridge and a controller run."""
 
         def is_there() -> bool:
             return self._state is not None and bool(self._mode)
@@ -279,7 +280,7 @@ class SetPointRequest(_MotionRequest):
         return list(self._state.name)
 
     def _controllers(self) -> list[str]:
-        """Return the controllers that take set points."""
+        """Return the names of the controllers that subscribe to the set point."""
         listeners = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
         names = [endpoint_name(listener) for listener in listeners]
         return [name for name in names if name.rpartition('/')[2] != _LISTENER]
@@ -301,7 +302,7 @@ _BASE_LINK = 'base_link'
 
 
 class ToolRequest(_MotionRequest):
-    """Publish a tool target and wait for the result.
+    """Move the tool: publish a target pose, and wait until the tool has reached it.
 
     Parameters
     ----------
@@ -365,20 +366,20 @@ class ToolRequest(_MotionRequest):
 
         if not self._wait(lambda: distance() <= tolerance, timeout):
             raise ArmClientError(
-                f'the tool is still {distance():.3f} m away after {timeout:g} s, and arm_mode is '
-                f'{self._mode}: check the log of the controller'
+                f'the tool is still {distance():.3f} m away from its goal after {timeout:g} s, '
+                f'and arm_mode is {self._mode}: check the log of the controller'
             )
 
     def _require_frame(self, wanted: str, given: str) -> None:
         if wanted == WORLD and given.endswith(_BASE_LINK):
             raise ArmClientError(
-                f'the active controller moves the tool in {given}: start world_control, or remove '
-                '--frame world'
+                f'the active controller expects tool targets in the frame {given}: start '
+                'world_control, or remove --frame world'
             )
         if wanted == BASE and not given.endswith(_BASE_LINK):
             raise ArmClientError(
-                f'the active controller holds the tool in {given}: give the position in that '
-                'frame, with --frame world'
+                f'the active controller expects tool targets in the frame {given}: give the '
+                'position in that frame, with --frame world'
             )
 
     def _find(self, timeout: float, on_wait: Callable[[str], None]) -> None:
@@ -388,12 +389,12 @@ class ToolRequest(_MotionRequest):
             has_pose = self._pose is not None and bool(self._mode)
             return has_pose and self._publisher.get_subscription_count() > 0
 
-        what = f'a controller of the tool, such as kinematic_control, in {this_domain()}'
+        what = f'a controller that moves the tool, such as kinematic_control, in {this_domain()}'
         if not spin_until(self._node, is_there, min(timeout, 1.0)):
             on_wait(what)
             if not spin_until(self._node, is_there, timeout):
                 raise ArmClientError(
-                    f'no controller publishes the tool pose: run a bridge, and {what}'
+                    f'no controller publishes the pose of the tool: start a bridge and {what}'
                 )
         self._require_held()
 

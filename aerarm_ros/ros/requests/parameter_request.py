@@ -1,4 +1,4 @@
-"""Read and set live parameters of another node, from command-line text."""
+"""Client that reads and sets live parameters of another node."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ParameterRequest:
     Raises
     ------
     ArmClientError
-        If the node does not exist; the methods raise it if the node does not answer.
+        If the node is not found. The methods raise it if the node does not answer.
     """
 
     def __init__(self, node: Node, target: str, timeout: float) -> None:
@@ -45,14 +45,15 @@ class ParameterRequest:
         self._client = AsyncParameterClient(node, target)
         if not spin_until(node, self._client.services_are_ready, timeout):
             raise ArmClientError(
-                f'node {target} was not found, or has no parameters: check that it runs in '
-                f'{this_domain()}'
+                f'node {target} was not found or has no parameters: check its name, and that it '
+                f'runs in {this_domain()}'
             )
 
     def set(self, name: str, text: str) -> Any:
-        """Set a parameter to a value in YAML (a string parameter to the text); return the value.
+        """Set a parameter to a value written in YAML, and return the value.
 
-        Raises ArmClientError if the parameter does not exist or the node rejects the value.
+        A string parameter is set to `text` without parsing. The method raises ArmClientError if
+        the parameter does not exist or the node rejects the value.
         """
         client, target = self._client, self._target
         descriptors = self._result(lambda: client.describe_parameters([name])).descriptors
@@ -63,7 +64,7 @@ class ParameterRequest:
             raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
         if descriptors[0].read_only:
             raise ArmClientError(
-                f'parameter {name} of {target} is read-only: set it when the node starts, -p '
+                f'parameter {name} of {target} is read-only: restart the node with -p '
                 f'{name}:={text}'
             )
         parameter = Parameter(name, value=_value(descriptors[0], text))
@@ -74,7 +75,7 @@ class ParameterRequest:
 
     @contextmanager
     def during(self, name: str, text: str) -> Iterator[None]:
-        """Set a string parameter for the length of a block, then restore its former value."""
+        """Set a string parameter while a `with` block runs, then restore its former value."""
         former = self._result(lambda: self._client.get_parameters([name])).values
         self.set(name, text)
         try:
@@ -98,7 +99,7 @@ class ParameterRequest:
 
 
 def _value(descriptor: ParameterDescriptor, text: str) -> Any:
-    """Convert text to a value of the parameter's type."""
+    """Convert command-line text to a value of the parameter's type."""
     if descriptor.type == _Type.STRING.value:
         return text
     try:
@@ -120,7 +121,7 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
 
 
 def _number(value: Any) -> Any:
-    """Convert a YAML value to a floating-point number, such as 2 or 1e-3 (a text in YAML)."""
+    """Convert an integer, or a text such as 1e-3, to float; return other values unchanged."""
     if isinstance(value, bool):
         return value
     try:

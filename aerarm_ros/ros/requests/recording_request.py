@@ -1,4 +1,4 @@
-"""A recording on the drone, requested from the ground through ground_link."""
+"""Client on the ground for recordings on the drone, through `ground_link`."""
 
 from __future__ import annotations
 
@@ -33,31 +33,31 @@ from aerarm_ros.ros.requests.arm_client import ArmClientError
 _DISCOVERY_TIME = 4.0  # [s] at most for a bridge or a ground_link of this host to be found
 _ASK_AGAIN = 0.5  # [s]
 _PATIENCE = 60.0  # [s] for the drone's recorder to start
-_SILENT = 1.5  # [s] of the drone that is reported
-_PROGRESS = 1.0  # [s]
+_SILENT = 1.5  # [s] without a message of the drone, after which its silence is reported
+_PROGRESS = 1.0  # [s] between two lines of progress
 _WATCH_EVERY = 2.0  # [s]
 
 
 class RecordingRequest:
-    """Client that records a bag on the drone and fetches it.
+    """Record a bag on the drone, and fetch it through `ground_link`.
 
     Parameters
     ----------
     node
-        Owner of publisher and subscription; its methods spin it.
+        Owner of publisher and subscription; the methods of this class spin it.
     name
-        Of the bag, on both hosts.
+        Name of the bag on both hosts.
     folder
-        Where the bag goes on this host.
-    tell
-        Takes progress as text.
+        Folder of the bag on this host.
+    show
+        Called with each line of progress.
     """
 
-    def __init__(self, node: Node, name: str, folder: Path, tell: Callable[[str], None]) -> None:
+    def __init__(self, node: Node, name: str, folder: Path, show: Callable[[str], None]) -> None:
         self._node = node
         self._name = name
         self._folder = folder
-        self._print = tell
+        self._print = show
         self._report: dict[str, object] = {}
         self._id = ''
         self._is_stopped = False
@@ -66,9 +66,9 @@ class RecordingRequest:
         node.create_subscription(report.type, report.name, self._on_report, report.qos)
 
     def is_on_ground(self) -> bool:
-        """Return whether this host reaches its bridge through ground_link.
+        """Return whether this host reaches the bridge through `ground_link`.
 
-        A node of this host is in the graph, one behind ground_link is not.
+        The ROS graph contains nodes of this host, but no nodes on the drone.
         """
         node = self._node
 
@@ -81,7 +81,7 @@ class RecordingRequest:
         return bool(self._publisher.get_subscription_count())
 
     def record(self) -> None:
-        """Record until Ctrl-C, then fetch the bag.
+        """Record on the drone until Ctrl-C, then fetch the bag.
 
         Raises
         ------
@@ -106,18 +106,18 @@ class RecordingRequest:
                 if not self._report.get('has_bag'):
                     raise ArmClientError(ended)
                 self._print(ended)
-            # A second Ctrl-C ends this process; ground_link goes on with the fetch.
+            # A second Ctrl-C ends this process; ground_link continues to fetch the bag.
             self.fetch()
         if ended:
-            raise ArmClientError(f'{ended}; {self._folder} contains what was recorded until then')
+            raise ArmClientError(f'{ended}; {self._folder} contains the recording up to that time')
 
     def fetch(self) -> None:
-        """Complete the bag on the drone and fetch it; a cut only delays it.
+        """End the recording on the drone, and fetch its bag; lost radio contact only delays it.
 
         Raises
         ------
         ArmClientError
-            If the drone has no such bag, or it cannot be stored.
+            If the drone has no bag of this name, or this host cannot store the bag.
         """
         self._begin()
         self._print(f'fetching {self._name} into {self._folder}')
@@ -127,11 +127,11 @@ class RecordingRequest:
             self._expect_no_failure()
             if self._state != COMPLETE:
                 self._print(self._progress())
-                self._ask(FINISH)  # a ground_link that was started again fetches nothing yet
+                self._ask(FINISH)  # a restarted ground_link fetches no bag before a request
         self._print(f'{self._folder}: {_megabytes(self._report.get("size"))} stored')
 
     def _begin(self) -> None:
-        """Start a request with a new identifier; reports without it are ignored."""
+        """Start a request with a new identifier; reports with other identifiers are ignored."""
         self._id, self._report = secrets.token_hex(8), {}
 
     @property
@@ -147,7 +147,7 @@ class RecordingRequest:
             if time.monotonic() > deadline:
                 raise ArmClientError(
                     f'the drone does not record {self._name}: {self._silence() or "no answer"}; '
-                    'look at /diagnostics of ground_link'
+                    'check the status of ground_link in /diagnostics'
                 )
             if not has_reported and self._silence():
                 has_reported = True

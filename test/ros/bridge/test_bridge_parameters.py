@@ -141,6 +141,6 @@ def test_the_state_file_is_in_the_home_directory_unless_it_is_given(monkeypatch)
         raise RuntimeError('Could not determine home directory.')
 
     monkeypatch.setattr(Path, 'home', no_home)
-    with pytest.raises(ValueError, match='set state_file'):
+    with pytest.raises(ValueError, match='set the parameter state_file'):
         state_file(values, '/left/hardware_bridge', False)
     assert state_file(SimpleNamespace(state_file='/zeros'), '/bridge', False) == Path('/zeros')

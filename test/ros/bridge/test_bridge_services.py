@@ -22,7 +22,7 @@ def test_a_cycle_that_does_not_respond_is_reported_with_a_remedy(ros_node: Node)
     answer = client.call_async(Trigger.Request())
     assert spin_until(ros_node, answer.done, 60.0)
     assert not answer.result().success
-    expected = 'the control cycle did not respond: check the log of the bridge, or the page of view'
+    expected = "the bridge's cycle did not respond within 1 s: check the log of the bridge"
     assert answer.result().message == expected
 
 

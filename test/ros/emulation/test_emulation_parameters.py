@@ -29,7 +29,7 @@ def test_gears_have_no_backlash_by_default() -> None:
 
 
 def test_some_joints_alone_are_refused() -> None:
-    with pytest.raises(ValueError, match='must have one value, or one for each of 4 joints'):
+    with pytest.raises(ValueError, match='values: set one value, or one for each of the 4 joints'):
         plant_parameters(CONFIG, ROBOT, 1, [0.02, 0.01], 0.0, SMOOTH, [])
 
 

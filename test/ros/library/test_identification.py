@@ -128,11 +128,11 @@ def test_shapes_are_checked_with_a_sentence() -> None:
         ((q, q, q), r'time has the shape \(5, 4\): pass \(M,\)'),
         ((time, q[:4], q), r'q has the shape \(4, 4\): pass \(M, n\) with M = 5'),
         ((time, q, q[:, :3]), r'tau has the shape \(5, 3\): pass \(5, 4\)'),
-        ((time, q, [[1.0], [2.0, 3.0]]), 'tau must contain numbers, in rows of equal length'),
+        ((time, q, [[1.0], [2.0, 3.0]]), 'tau is not an array of numbers: pass numbers, in rows'),
     ):
         with pytest.raises(IdentificationError, match=words):
             aerarm_ros.from_arrays(*given)
-    with pytest.raises(IdentificationError, match='2 joint names for the 4 joints'):
+    with pytest.raises(IdentificationError, match='q has 4 columns, but names has 2 joint names'):
         aerarm_ros.from_arrays(time, q, q, names=['a', 'b'])
     with pytest.raises(IdentificationError, match='holdout = 1.5'):
         aerarm_ros.identify([], holdout=1.5)

@@ -166,7 +166,7 @@ def test_a_controller_on_the_ground_is_named(ros_node: Node) -> None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
     assert remote.problem().startswith(
-        '/computed_torque cannot command the arm from this host: joint_command does not pass'
+        '/computed_torque cannot command the arm from this host: ground_link does not'
     )
     other.destroy_node()
 
@@ -191,7 +191,7 @@ def test_a_drone_with_an_address_of_its_ground_ignores_others(
 
 def test_an_address_that_is_unknown_is_an_error(ros_node: Node, values: SimpleNamespace) -> None:
     values.ground = 'no host'
-    with pytest.raises(ValueError, match="ground 'no host' is not reachable"):
+    with pytest.raises(ValueError, match="'no host' in the parameter ground is unknown"):
         WatchedEnd(ros_node, values)
 
 

@@ -151,7 +151,7 @@ def test_a_wrong_key_is_reported_once_on_both_hosts(
     for line in lines:
         assert "copy the drone's key file to the ground" in line
     for end in ends:
-        assert 'is not the key of this host' in end._usual_problem(time.monotonic())
+        assert 'differs from the key of this host' in end._usual_problem(time.monotonic())
 
 
 def test_strangers_do_not_blame_the_key_of_a_live_ground(drone: DroneEnd, port: int) -> None:
@@ -184,7 +184,7 @@ def test_the_newest_address_with_another_key_is_named(drone: DroneEnd) -> None:
     datagram = Connection(OTHER_KEY, 'ground', 'drone', 9_000.0).datagram(0.0, 0, 0)
     for address in ('10.0.0.1', '10.0.0.2'):
         drone._on_rejected(datagram, (address, 7))
-        assert f'the key of {address} is not' in drone._usual_problem(time.monotonic())
+        assert f'the key of {address} differs' in drone._usual_problem(time.monotonic())
 
 
 def test_both_ends_have_statuses_of_different_names(

@@ -361,7 +361,10 @@ def test_a_recording_of_the_drone_is_fetched_after_ctrl_c(
 
 @pytest.mark.parametrize(
     ('number', 'reason'),
-    [(signal.SIGTERM, 'the recorder ended by itself'), (signal.SIGKILL, 'status -9')],
+    [
+        (signal.SIGTERM, 'the recorder on the drone ended without a request'),
+        (signal.SIGKILL, 'status -9'),
+    ],
 )
 def test_the_user_learns_that_the_recording_ended_by_itself(
     link: LinkedRecordings, client: Node, tmp_path: Path, number: signal.Signals, reason: str

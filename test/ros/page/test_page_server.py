@@ -201,6 +201,6 @@ def test_a_server_that_cannot_be_guarded_serves_nothing(monkeypatch: pytest.Monk
     serve = websocket_server.serve
     # As if viser had got its server elsewhere.
     monkeypatch.setattr(page_server._Gate, 'options', lambda self, options: options)
-    with pytest.raises(PageError, match='no way to protect the page'):
+    with pytest.raises(PageError, match='cannot protect the page'):
         serve_page('127.0.0.1', 18080, PageGuard('127.0.0.1'), print)
     assert websocket_server.serve is serve

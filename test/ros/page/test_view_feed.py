@@ -33,7 +33,7 @@ def test_an_unhomed_arm_is_distinguished_from_a_silent_one(
         return text
 
     assert 'no joint_states in this ROS domain' in feed.describe(0.0)
-    assert described([0.1, float('nan')], 'homed').startswith('the angle of joint2 is unknown')
+    assert described([0.1, float('nan')], 'unknown').startswith('the angle of joint2 is unknown')
     assert feed.posture is None
     described([0.1, 0.2], 'Hz')
     assert feed.posture == pytest.approx([0.1, 0.2])

@@ -51,7 +51,7 @@ def test_help_begins_with_the_node_s_own_parameters() -> None:
             '--ros-args -p qos_overrides./joint_states.publisher.depth:=3',
             "unknown parameter 'qos_overrides./joint_states.publisher.depth'",
         ),
-        ('--ros-args -p plyer:periods:=3', '-p plyer:periods sets a parameter of /plyer'),
+        ('--ros-args -p plyer:periods:=3', '-p plyer:periods sets a parameter of the node /plyer'),
     ],
 )
 def test_unknown_arguments_are_rejected(line: str, said: str) -> None:
@@ -90,7 +90,7 @@ def test_other_nodes_parameters_in_a_file_are_no_mistake(tmp_path: Path) -> None
     ('text', 'said'),
     [
         ('/**: {ros__parameters: {perods: 3}}', "did you mean 'periods'?"),
-        ('plyer: {ros__parameters: {periods: 3}}', 'no section for /player, only for /plyer'),
+        ('plyer: {ros__parameters: {periods: 3}}', 'the node /player, only for /plyer'),
     ],
 )
 def test_a_probable_slip_that_may_be_meant_for_another_node_is_a_warning(
@@ -132,6 +132,6 @@ def test_a_mistyped_parameter_moves_nothing(ros_domain: dict[str, str], tmp_path
     assert done.returncode == 2
     assert done.stderr == (
         "excitation: unknown parameter 'perods' in -p, did you mean 'periods'? "
-        '(excitation --help lists all)\n'
+        '(excitation --help lists all parameters)\n'
     )
     assert not list(tmp_path.iterdir())

@@ -46,7 +46,7 @@ def test_an_open_network_leaves_the_environment_as_it_is(name: str, value: str) 
 
 def test_another_value_of_the_variable_is_an_error() -> None:
     with pytest.raises(
-        ValueError, match=r"AERARM_NETWORK='yes' is unknown: .* AERARM_NETWORK=open"
+        ValueError, match=r"AERARM_NETWORK='yes' is invalid: .* AERARM_NETWORK=open"
     ):
         stay_on_this_host({'AERARM_NETWORK': 'yes'})
 

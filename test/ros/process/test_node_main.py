@@ -108,7 +108,7 @@ def test_help_may_be_cut_off(ros_domain) -> None:
         ('--ros-args -p perods:=3', "script: unknown parameter 'perods' in -p, did you mean"),
         (
             '--ros-args -p pace:=3',
-            "script: unknown parameter 'pace' in -p (script --help lists all)\n",
+            "script: unknown parameter 'pace' in -p (script --help lists all parameters)\n",
         ),
         ('--ros-args -p periods:=', 'script: -p periods:= has no value: write -p periods:=VALUE'),
         ('--ros-args --params-file /nowhere', 'script: parameter file /nowhere: No such file'),
