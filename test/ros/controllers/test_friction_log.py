@@ -48,7 +48,9 @@ def test_a_week_of_use_is_seen(tmp_path: Path, capsys: pytest.CaptureFixture[str
     lines = capsys.readouterr().out.splitlines()
     (marked,) = (line for line in lines if line.startswith('* Coulomb'))
     assert marked.split()[5:7] == ['0.2000', '0.2600']
-    assert lines[-1] == '* 1 of 6 values changed by more than three standard deviations'
+    assert (
+        lines[-1] == '* marks a change by more than three standard deviations (1 of 6 coefficients)'
+    )
 
 
 def test_a_silence_is_no_learning(tmp_path: Path) -> None:
