@@ -78,7 +78,7 @@ def test_a_deleted_folder_is_reported_and_recovered(tmp_path: Path) -> None:
 
 
 def test_an_unusable_friction_file_is_rejected_at_the_start(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match='cannot be written to'):
+    with pytest.raises(OSError, match='friction_file cannot be written'):
         FrictionLog(tmp_path / 'none' / 'friction.csv', NAMES, 1.0)
     (tmp_path / 'notes.txt').write_text('mine\n')
     with pytest.raises(ValueError, match='is not a friction history'):
