@@ -1,8 +1,8 @@
-"""Run the installed commands: each calls `main` of its module in `aerarm_ros.nodes`.
+"""Entry points of the installed commands; each calls `main` of a module in `aerarm_ros.nodes`.
 
-Importing a node's libraries takes some tenths of a second. A Ctrl-C in that time must end the
-program normally too, so this module imports nothing heavy. `python -m aerarm_ros.executables NAME`
-runs a command that is not installed.
+Importing the libraries of a node takes some tenths of a second. Ctrl-C must end the program without
+a traceback in this time too, so this module imports only fast modules. Without an installation,
+`python -m aerarm_ros.executables NAME` runs a command.
 """
 
 import atexit
@@ -25,8 +25,8 @@ from aerarm_ros.ros.process.process_end import (
     print_error,
 )
 
-# These commands finish a task; a stop signal before that interrupts the task. All other commands
-# run until a stop signal, so a signal ends them with exit status 0.
+# These commands perform a task, which a stop signal interrupts. All other commands run until a
+# stop signal, which ends them with exit status 0.
 _TASKS = frozenset(
     (
         'arm',
@@ -40,18 +40,18 @@ _TASKS = frozenset(
     )
 )
 
-# Options with which a node's command reads files instead, and the module of that program, which
-# needs neither ROS nor the libraries of the node.
+# Options with which a command reads files instead of running a node, and the module of this
+# program, which needs neither ROS nor the libraries of the node.
 _OFFLINE = {
     'contact_estimator': (('--bag', '--free'), 'aerarm_ros.ros.programs.contact_replay'),
     'payload_estimator': (('--bag', '--trend'), 'aerarm_ros.ros.programs.payload_replay'),
 }
 _HELP = ('-h', '--help')
-_COMPLETING = '_ARGCOMPLETE'  # set by a shell that asks for completions
-# Most nodes import these libraries, but --help does not need them. Importing these libraries takes
-# most of the start-up time.
+_COMPLETING = '_ARGCOMPLETE'  # environment variable that a shell sets to request completions
+# Most nodes import these libraries, which takes most of the start-up time. --help does not need
+# them.
 _HEAVY = ('mujoco', 'pinocchio')
-# Modules of ROS 2. Commands that only read files run without them.
+# Names of modules of ROS 2. Commands that only read files run without these modules.
 _ROS = re.compile(r'rclpy|rpyutils|ament_|ros|rcl_|[a-z]+_(msgs|srvs|interfaces)$')
 
 
@@ -59,19 +59,19 @@ _NODES = Path(__file__).parent / 'nodes'
 
 
 def command_modules() -> dict[str, str]:
-    """Return the module of each command, from the files in `nodes` and `nodes/controllers`."""
+    """Return the module of each command by the command's name."""
     paths = sorted(_NODES.rglob('[a-z]*.py'), key=lambda path: path.stem)
     root = Path(__file__).parents[1]
     return {p.stem: '.'.join(p.relative_to(root).with_suffix('').parts) for p in paths}
 
 
 def controllers() -> tuple[str, ...]:
-    """Return the names of the controllers, which are the files in `nodes/controllers`."""
+    """Return the names of all controllers, from the file names in `nodes/controllers`."""
     return tuple(sorted(path.stem for path in (_NODES / 'controllers').glob('[a-z]*.py')))
 
 
 def __getattr__(name: str) -> Callable[[], int]:
-    """Return the command of a module in `aerarm_ros.nodes`, for `from ... import NAME`."""
+    """Return the function that runs the command `name`, for `from ... import NAME`."""
     if name.startswith('_'):
         raise AttributeError(name)
     return partial(_run, name)
@@ -87,7 +87,7 @@ def _run(name: str) -> int:
             sys.modules.update((name, _Unloaded(name)) for name in _HEAVY)
         status = run(name)
     except KeyboardInterrupt:
-        # A stop signal before a node installed its handlers.
+        # A stop signal arrived before the node had installed its handlers.
         status = INTERRUPTED if has_task else 0
     except ModuleNotFoundError as error:
         if not _ROS.match(error.name or ''):
@@ -105,20 +105,20 @@ def _run(name: str) -> int:
         raise
     finally:
         StopSignals.ignore()
-        # Python first waits for its threads, which may have work left.
+        # Before this function, Python waits for threads that may still be working.
         atexit.register(exit_within, status)
     return status
 
 
 def program(name: str, arguments: Sequence[str]) -> str:
-    """Return the module whose `main` executes a command line."""
+    """Return the name of the module whose `main` executes a command with these arguments."""
     options, offline = _OFFLINE.get(name, ((), ''))
     is_offline = any(argument.split('=')[0] in options for argument in arguments)
     return offline if is_offline else command_modules()[name]
 
 
 def _without_ros(name: str) -> str:
-    """Return which options of a command work without ROS, as the end of an error."""
+    """Return the end of an error message: the options of a command that work without ROS."""
     options, _ = _OFFLINE.get(name, ((), ''))
     return f'; only {" and ".join(options)} work without ROS' if options else ''
 
@@ -138,8 +138,8 @@ def _serve(name: str) -> int:
 def _do(name: str) -> int:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
-        # Extension modules turn a KeyboardInterrupt into an ImportError, so exit directly. Nothing
-        # needs cleaning up yet.
+        # Extension modules convert a KeyboardInterrupt into an ImportError, so exit directly.
+        # Nothing needs cleaning up yet.
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
     main = importlib.import_module(program(name, sys.argv[1:])).main
     signal.signal(signal.SIGINT, before)
@@ -148,7 +148,7 @@ def _do(name: str) -> int:
 
 
 class _Unloaded(ModuleType):
-    """Placeholder of a module, which is imported when it is first used."""
+    """Placeholder for a module, which imports the module when an attribute is first used."""
 
     def __getattr__(self, attribute: str) -> object:
         if attribute.startswith('__'):
@@ -159,23 +159,23 @@ class _Unloaded(ModuleType):
 
 
 class _Early:
-    """Handler of stop signals that arrive before `main` begins, when nothing needs cleaning up."""
+    """Handler of stop signals that arrive before `main` starts, when nothing needs cleaning up."""
 
     def __init__(self) -> None:
         self.is_over = False
 
     def __call__(self) -> None:
-        # Exit directly: extension modules turn an exception into an ImportError.
+        # Exit directly, because extension modules convert an exception into an ImportError.
         if not self.is_over:
             os._exit(0)
 
 
 def _run_named() -> int:
-    """Run the command that the first argument names."""
+    """Run the command that the first command-line argument names."""
     names = command_modules()
     name = sys.argv[1] if sys.argv[1:] else ''
     if name not in names:
-        wrong = f"'{name}' is not a command" if name else 'no command is given'
+        wrong = f"'{name}' is not a command" if name else 'the command is missing'
         print_error('executables', f'{wrong}: choose one of {", ".join(names)}')
         return USER_ERROR
     sys.argv[:2] = [name]

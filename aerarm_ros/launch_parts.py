@@ -1,6 +1,6 @@
-"""Launch arguments, parameters and actions that several launch files use.
+"""Arguments, parameters and actions that several launch files use.
 
-Only launch files import this module, because not every host has ROS's launch.
+Only launch files import this module, because ROS's launch is not installed on every computer.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from aerarm_ros.ros.process.process_end import INTERRUPTED, LAUNCH_PID
 
 SHARE = FindPackageShare('aerarm_ros')
 WAIT_FOR_A_PERSON = 600.0  # [s]
-# Exit status that asyncio's child watcher reports if it missed the end of a process.
+# Exit status that asyncio reports if it missed the end of a process.
 _UNKNOWN = 255
 ON_SPI = EqualsSubstitution(LaunchConfiguration('hardware'), 'spi')
 IMU_REMAPPING = ('imu', LaunchConfiguration('imu_topic'))
@@ -49,7 +49,7 @@ IMU_REMAPPING = ('imu', LaunchConfiguration('imu_topic'))
 def switch_argument(
     name: str, description: str, default: SomeSubstitutionsType = 'false'
 ) -> DeclareLaunchArgument:
-    """Return a launch argument whose value is true or false."""
+    """Return a launch argument with the values true and false."""
     return DeclareLaunchArgument(
         name, default_value=default, choices=['true', 'false'], description=description
     )
@@ -60,26 +60,27 @@ def drone_argument() -> DeclareLaunchArgument:
     return DeclareLaunchArgument(
         'drone_file',
         default_value='',
-        description='drone that carries the arm, for example config/drone.yaml; no drone if empty',
+        description='YAML file of the drone that carries the arm, for example config/drone.yaml; '
+        'no drone if empty',
     )
 
 
 def drone_parameter() -> dict[str, ParameterValue]:
-    """Return the node parameter `drone_file` as a string, even if the string is empty."""
+    """Return the node parameter `drone_file`; an empty value stays a string."""
     return {'drone_file': ParameterValue(LaunchConfiguration('drone_file'), value_type=str)}
 
 
 def arm_parameters(
     *others: str, urdf: SomeSubstitutionsType | None = None
 ) -> dict[str, SomeSubstitutionsType | ParameterValue]:
-    """Return node parameters that describe the arm, plus those of further launch arguments.
+    """Return the node parameters for the files of the arm, and further parameters.
 
     Parameters
     ----------
     others
-        Launch arguments that set parameters of the same name.
+        Names of further parameters, which launch arguments of the same names set.
     urdf
-        URDF that replaces the launch argument `urdf`.
+        URDF that replaces the value of the launch argument `urdf`.
     """
     prefix = ParameterValue(LaunchConfiguration('tf_prefix'), value_type=str)
     given = {**arguments_as_parameters('config', 'urdf', *others), 'tf_prefix': prefix}
@@ -87,10 +88,10 @@ def arm_parameters(
 
 
 def enable_argument(default: SomeSubstitutionsType = 'false') -> DeclareLaunchArgument:
-    """Return the launch argument that enables the motors."""
+    """Return the launch argument that switches the motors on."""
     what = (
-        'switch the motors on once the boards respond, and home an arm with unknown zeros: THE '
-        'ARM MOVES, from its home configuration'
+        'switch the motors on as soon as the boards respond, and home the arm if encoder zeros are '
+        'unknown: THE ARM MOVES, and must be in its home configuration'
     )
     return switch_argument('enable', what, default)
 
@@ -101,23 +102,23 @@ def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
         'controller',
         default_value=default,
         choices=['none', *controllers()],
-        description='controller to run',
+        description='name of the controller to start; none for no controller',
     )
 
 
 def base_motion_argument(default: str = 'none') -> DeclareLaunchArgument:
-    """Return the launch argument that selects the base motion for the controller."""
+    """Return the launch argument that selects how a controller accounts for base motion."""
     return DeclareLaunchArgument(
         'base_motion',
         default_value=default,
         choices=['none', 'attitude', 'full', 'free'],
-        description='motion of the base that the controller uses: none; attitude or full, both '
-        'from the IMU; free, predicted with the drone in drone_file',
+        description='source of the base motion for the controller: none (fixed base), attitude or '
+        'full (both from the IMU), or free (predicted for the drone in drone_file)',
     )
 
 
-# For launch files that move the arm without a controller. Only emulated motors are enabled
-# automatically. A controller cannot be selected, because two nodes must not command the arm.
+# For launch files that move the arm without a controller. Only emulated motors are switched on
+# automatically. No controller can be selected, because two nodes must not command the arm.
 MOTION_ARGUMENTS = (
     enable_argument(
         PythonExpression(
@@ -132,27 +133,27 @@ MOTION_ARGUMENTS = (
         'controller',
         default_value='none',
         choices=['none'],
-        description='fixed to none, because the programs of this launch file command the arm',
+        description='always none, because a program of this launch file commands the arm',
     ),
     DeclareLaunchArgument(
         'excitation_config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'excitation.yaml']),
-        description='YAML file of obstacles, and of the fractions of the limits that the motion '
-        'may use',
+        description='YAML file with obstacles and with the fraction of each limit that motions may '
+        'use',
     ),
 )
 
 
 def check_first(*packages: str) -> OpaqueFunction:
-    """Return the launch action that checks all requirements before any process starts.
+    """Return an action that checks files, packages and modules before any process starts.
 
-    The action replaces the name of a packaged file by its path. Every process that starts
-    afterwards ends when launch ends, even if launch is killed.
+    The action replaces the name of a packaged file by its path. All processes that start afterwards
+    end together with launch, even if launch is killed.
 
     Parameters
     ----------
     packages
-        ROS packages that the launch file always needs.
+        ROS packages that the launch file needs for all arguments.
     """
 
     def check(context: LaunchContext) -> list[Action]:
@@ -167,12 +168,12 @@ def check_first(*packages: str) -> OpaqueFunction:
 
 
 def _keep_launch_from_being_interrupted() -> None:
-    """Make Python ignore SIGINT, which launch's event loop handles.
+    """Install a SIGINT handler that does nothing, so that only launch's event loop handles SIGINT.
 
-    Launch reads signals from its wakeup file descriptor but keeps Python's own handler. Python's
-    handler raises KeyboardInterrupt in any task of launch. Launch then waits for that task for
-    ever, or misses the end of a process. A process that ignores SIGINT, such as a background job
-    of a script, writes nothing to the descriptor.
+    Launch reads signals from its wakeup file descriptor, but keeps Python's own handler. This
+    handler raises KeyboardInterrupt in a task of launch. Launch then waits for this task for ever,
+    or misses the end of a process. If SIGINT is ignored, as in a background job of a script, Python
+    writes nothing to the descriptor.
     """
     ours = threading.current_thread() is threading.main_thread()
     if ours and signal.getsignal(signal.SIGINT) in (signal.default_int_handler, signal.SIG_IGN):
@@ -180,17 +181,17 @@ def _keep_launch_from_being_interrupted() -> None:
 
 
 def bringup() -> IncludeLaunchDescription:
-    """Return the action that includes bringup.launch.py with the arguments set so far."""
+    """Include bringup.launch.py; it receives the arguments of the including launch file."""
     return IncludeLaunchDescription(PathJoinSubstitution([SHARE, 'launch', 'bringup.launch.py']))
 
 
 def node(
     executable: SomeSubstitutionsType, parameters: Mapping[str, Any] | None = None, **options: Any
 ) -> Node:
-    """Return a node with the values of the parameter file, overridden by `parameters`.
+    """Return a node of this package; `parameters` override the values of the parameter file.
 
-    After `sigterm_timeout` [s] launch sends a second signal, which ends a node at once. The
-    default of 5 s is too short for a recorder that completes its bag on a busy host.
+    Launch sends SIGTERM to a node that has not ended `sigterm_timeout` [s] after SIGINT. The
+    default of launch, 5 s, is too short for a recorder that completes its bag on a busy computer.
     """
     return Node(
         sigterm_timeout=LaunchConfiguration('sigterm_timeout', default=str(STOP_TIMEOUT)),
@@ -203,22 +204,22 @@ def node(
 
 
 def arguments_as_parameters(*names: str) -> dict[str, LaunchConfiguration]:
-    """Return node parameters whose values are those of launch arguments of the same name."""
+    """Return node parameters with the values of launch arguments that have the same names."""
     return {name: LaunchConfiguration(name) for name in names}
 
 
 def end(reason: str) -> EmitEvent:
-    """Return the launch action that shuts launch down with exit status 0."""
+    """Return an action that ends launch with exit status 0."""
     return EmitEvent(event=Shutdown(reason=reason))
 
 
 def after(
     process: Action, what: str, if_good: Action | None = None, condition: Condition | None = None
 ) -> RegisterEventHandler:
-    """Run an action after a process succeeds; if the process fails, launch exits with status 1.
+    """Run `if_good` after a process has succeeded; if it fails, end launch with exit status 1.
 
-    A process that is stopped while launch shuts down has not failed. Exit status 255 is not a
-    failure either: asyncio reports it if a Ctrl-C interrupts the task that awaits the process.
+    While launch shuts down, a stopped process counts as successful. So does exit status 255, which
+    asyncio reports if Ctrl-C interrupts the task that waits for the process.
     """
 
     def choose(event: ProcessExited, context: LaunchContext) -> Action | None:
@@ -233,5 +234,5 @@ def after(
 
 
 def _fail(context: LaunchContext, problem: str) -> None:
-    # Only an exception changes launch's exit status.
+    # Launch has no other way to set its exit status than an exception.
     raise RuntimeError(problem)

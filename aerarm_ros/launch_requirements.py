@@ -1,8 +1,8 @@
-"""Check of the files, packages and modules that the arguments of a launch file need.
+"""Check that the files, packages and modules which launch arguments require exist.
 
-A launch file starts its processes in turn and keeps the first ones running if a later one cannot
-start. The bridge would then run alone with enabled motors. So all arguments are checked before any
-process starts. This module does not need ROS's launch.
+If a process of a launch file cannot start, the processes before it keep running. The bridge would
+then run alone, with the motors switched on. Therefore this module checks all arguments before any
+process starts. It does not need ROS's launch.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from aerarm_ros.description.config_reader import DescriptionError, check_prefix
 from aerarm_ros.description.resources import find_file
 
-# Launch arguments whose value, unless empty, is a file name.
+# Launch arguments that name a file; an empty value names none.
 FILES = (
     'params_file',
     'config',
@@ -29,12 +29,12 @@ FILES = (
 )
 
 
-# Arguments that also accept the name of a packaged file. `trajectory` and `identified` are results
-# of a run, so the package has none.
+# Launch arguments that also accept the name of a packaged file. The package contains no file for
+# `trajectory` and `identified`, which are results of a run.
 PACKAGED = ('params_file', 'config', 'urdf', 'plant_urdf', 'drone_file', 'excitation_config')
 
 
-# ROS packages and Python modules that a value of an argument needs.
+# ROS packages and Python modules that a value of a launch argument requires.
 _PACKAGES = {('rviz', 'true'): ('rviz2', 'robot_state_publisher')}
 
 
@@ -47,7 +47,7 @@ _MODULES = {
 
 
 _HOW = {
-    'px4_msgs': "build it from PX4's px4_msgs in the same workspace",
+    'px4_msgs': 'build the repository px4_msgs of PX4 in the same workspace',
     'spidev': "pip install 'spidev>=3.5,<4'",
     'viser': "pip install 'viser>=1.1,<2'",
     'mujoco': 'pip install -r requirements-apt.txt',
@@ -55,14 +55,14 @@ _HOW = {
 
 
 def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[str]:
-    """Return a message for each missing file, package or module of the launch arguments.
+    """Return one message for each missing file, package or module.
 
     Parameters
     ----------
     arguments
-        Values of the launch file's arguments, as text.
+        Values of the launch arguments, as text.
     packages
-        ROS packages that the launch file always needs.
+        ROS packages that the launch file needs for all arguments.
     """
     needed = [('', package) for package in packages]
     needed += [
@@ -81,9 +81,9 @@ def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[
 
 
 def packaged_files(arguments: Mapping[str, str]) -> dict[str, str]:
-    """Return the paths of packaged files that launch arguments name, by argument.
+    """Return the paths of the packaged files that launch arguments name, by argument.
 
-    ROS reads the parameter file, and its launch the URDFs, only from a path.
+    ROS needs a path to the parameter file, and launch needs paths to the URDFs.
     """
     given = {name: arguments.get(name, '').strip("'") for name in PACKAGED}
     found = {name: str(find_file(path)) for name, path in given.items() if path}
@@ -100,9 +100,8 @@ def _wrong_prefix(arguments: Mapping[str, str]) -> Iterator[str]:
 def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:
     if arguments.get('base_motion') == 'free' and not arguments.get('drone_file', '').strip("'"):
         yield (
-            'drone_file is missing: name the drone that carries the arm, for example '
-            'drone_file:=config/drone.yaml, or set base_motion:=full on a heavy or ground-driven '
-            'base'
+            'base_motion:=free needs a drone file: pass drone_file:=config/drone.yaml or another '
+            'file, or set base_motion:=full if the base is heavy or drives on the ground'
         )
 
 
@@ -111,9 +110,9 @@ def _missing_files(arguments: Mapping[str, str]) -> Iterator[str]:
     for name in FILES:
         path = packaged.get(name, arguments.get(name, '').strip("'"))
         if path and not os.path.isfile(path):
-            yield f'the file {path} of {name} does not exist: check the path'
+            yield f'the file {path} (argument {name}) does not exist: check the path'
         elif path and not os.access(path, os.R_OK):
-            yield f'the file {path} of {name} is not readable: check its permissions'
+            yield f'the file {path} (argument {name}) is not readable: check its permissions'
 
 
 def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:

@@ -1,19 +1,19 @@
-"""The executables, one per file.
+"""Executables of the package, one per file.
 
-- the boards and the arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
-- the controllers: `nodes.controllers`
-- the drone: `px4_imu` (the drone's motion), `base_reaction` (the arm's reaction on the drone),
-  `mavlink_feedforward`, `px4_feedforward`, `mavros_feedforward` (feedforward to the autopilot),
+- boards and arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
+- controllers: `nodes.controllers`
+- drone: `px4_imu` (IMU of PX4), `base_reaction` (reaction of the arm on the drone),
+  `mavlink_feedforward`, `px4_feedforward`, `mavros_feedforward` (feed-forward to the autopilot),
   `flight_control`
-- two hosts: `ground_link`
+- two computers: `ground_link`
 - contact and payload: `contact_estimator`, `payload_estimator`
 - optimal motions: `motion_planner`
-- identification: `excitation_designer`, `excitation`, `recorder`, `identifier`, `motor_bench`,
-  `calibrator`
+- identification and calibration: `excitation_designer`, `excitation`, `recorder`, `identifier`,
+  `motor_bench`, `calibrator`
 - user interfaces: `view`, `tool_path`
-- a whole experiment in one command: `demo`, `experiment`
+- complete experiments: `demo`, `experiment`
 
-The executables are built from `aerarm_ros.ros`; no other module imports an executable.
+The executables use the modules of `aerarm_ros.ros`; no other module imports an executable.
 """
 
 import os
@@ -21,6 +21,6 @@ import os
 from aerarm_ros.realtime.scheduling import use_one_thread
 
 use_one_thread()  # before an executable imports NumPy
-# Executables draw nothing with MuJoCo. By default its import runs a process that looks for a
-# window library, which prints a traceback if a stop signal ends the executable meanwhile.
+# Executables draw nothing with MuJoCo. By default, importing MuJoCo starts a process that searches
+# for a window library; a stop signal in this time would print a traceback.
 os.environ.setdefault('MUJOCO_GL', 'disable')

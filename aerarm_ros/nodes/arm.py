@@ -26,60 +26,69 @@ _MEANING = {
     'enable': (
         'switch the motors on: they align first (THE ARM MOVES), then the bridge holds the arm'
     ),
-    'hold': 'hold a damped arm in place, or hold a tracking arm once its controller stops',
-    'disable': 'switch the motors off, so that the arm sinks',
-    'clear_fault': 'clear a fault after its cause is removed',
-    'home': (
-        'turn the joints slowly to the index pulses of the encoders, from the home '
-        'configuration: THE ARM MOVES'
+    'hold': (
+        'let the bridge hold the arm: a damped arm at once, a controlled arm when its controller '
+        'stops'
     ),
-    'e_stop': 'damp the arm at once, until clear_fault',
-    'put_back': f'{_FAKE} with motors off: reset the arm to its initial configuration',
+    'disable': 'switch the motors off, so that the arm sinks',
+    'clear_fault': 'end the mode fault after the cause of the fault is removed',
+    'home': (
+        'turn the joints slowly from the home configuration to the index pulses of the encoders: '
+        'THE ARM MOVES'
+    ),
+    'e_stop': 'emergency stop: the bridge damps the arm until the request clear_fault',
+    'put_back': f'reset the simulated arm of {_FAKE} to its initial posture, with motors off',
 }
-# Bridges that receive a request without a bridge's name.
-_WHO = {
-    'e_stop': 'all bridges of this namespace, or all bridges if it has none',
-    'disable': 'every bridge of this namespace, of any name',
+# Receivers of a request if the user names no bridge.
+_RECEIVERS = {
+    'e_stop': 'all bridges of this namespace; without a namespace, all bridges',
+    'disable': 'all bridges of this namespace',
     'put_back': _FAKE,
 }
-# Commands that run another executable: its name, the parameter to set, and the parameter's
-# meaning.
+# Commands that run another executable: its name, the parameter to set, the placeholder of its
+# value in the help text, and the meaning of the command.
 _PROGRAMS = {
     'play': (
         'excitation',
         'trajectory',
         'FILE',
-        'play a trajectory file once the arm is ready',
+        'play a trajectory file as soon as the arm is ready: THE ARM MOVES',
     ),
     'record': (
         'recorder',
         'bag',
         'NAME',
-        'record a bag with the given name, until Ctrl-C; on the ground, record it on the drone and '
-        'fetch it afterwards',
+        'record a bag until Ctrl-C; on the ground computer, record it on the drone and copy it to '
+        'the ground afterwards',
     ),
 }
-_FETCH = 'fetch a bag that the drone recorded for the ground; resume after an interruption'
+_FETCH = (
+    'copy a bag that the drone recorded for the ground to the ground computer; continues an '
+    'interrupted copy'
+)
 _HOME = (
-    'home the arm first if an encoder zero is unknown; the arm must be in its home configuration'
+    'home the arm if an encoder zero is unknown, then enable; the arm must be in its home '
+    'configuration'
 )
 _CALIBRATE = (
-    'move the arm through calibration configurations and record at rest in each: THE ARM MOVES'
+    'move the arm to calibration postures and record joint states and sensors in each posture: THE '
+    'ARM MOVES'
 )
-_INIT = 'write a first configuration of an arm from its URDF'
-_COMMISSION = 'guide through the first power-on, joint by joint: THE ARM MOVES after a confirmation'
+_INIT = "write the first configuration files of an arm from the arm's URDF"
+_COMMISSION = 'guide through the first power-on of each joint: THE ARM MOVES after a confirmation'
 _TIMEOUT = 20.0  # [s]
-# Twice the longest time in which a new node discovers a bridge.
+# Twice the longest time that a new node needs to discover a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
+    """Return the parser of the command line of `arm`."""
     parser = argparse.ArgumentParser(
         prog=NAME,
         description='Send one request to the bridge or another node and print the result.',
         epilog=(
-            f'{NAME} COMMAND --help describes a command. Examples: {NAME} home --wait ready; '
+            f'{NAME} COMMAND --help prints the options of a command. Examples: {NAME} home --wait '
+            'ready; '
             f'{NAME} enable --wait ready; {NAME} go 0 1.57 0 0; {NAME} set computed_torque kp '
             "'[900.0]'"
         ),
@@ -88,52 +97,69 @@ def make_parser() -> argparse.ArgumentParser:
 
     def add(name: str, meaning: str) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=meaning, description=meaning)
-        # A stop request must report a missing bridge sooner.
+        # A stop request must report sooner that no bridge answers.
         timeout = _STOP_TIMEOUT if name == 'e_stop' else _TIMEOUT
         command.add_argument(
             '--timeout',
             type=positive_number,
             default=timeout,
-            help=f'time limit of each step [s] (default: {timeout:g})',
+            help=f'time limit of each step of the command [s] (default: {timeout:g})',
         )
         return command
 
     for name in (*ACTIONS, 'put_back'):
         command = add(name, _MEANING[name])
-        _add_waits(command, _WHO.get(name, ' or '.join(BRIDGES)))
+        _add_waits(command, _RECEIVERS.get(name, ' or '.join(BRIDGES)))
         if name == 'e_stop':
             command.add_argument(
-                '--all', action='store_true', help='stop the arms of all namespaces'
+                '--all',
+                action='store_true',
+                help='send the request to the bridges of all namespaces',
             )
         if name == 'enable':
             command.add_argument('--home', action='store_true', help=_HOME)
-    command = add('go', 'let the active controller move the arm to a joint configuration')
+    command = add('go', 'move the arm to a posture with the active controller: THE ARM MOVES')
     command.add_argument(
-        'angle', type=finite_number, nargs='+', help='joint positions, one per joint [rad]'
+        'angle',
+        type=finite_number,
+        nargs='+',
+        help='joint angles of the posture, one per joint [rad]',
     )
     command.add_argument(
-        '--tolerance', type=positive_number, default=0.05, help='goal tolerance [rad]'
+        '--tolerance',
+        type=positive_number,
+        default=0.05,
+        help='joint angle error below which the goal counts as reached [rad] (default: 0.05)',
     )
     command.add_argument(
         '--on-contact',
         choices=REACTIONS,
         default='',
-        help='reaction to contact during this motion (default: as set at the controller)',
+        help='reaction of the controller to contact during this motion (default: the value of the '
+        'parameter contact_reaction)',
     )
-    command = add('tool', 'let the active Cartesian controller move the tool to a position')
+    command = add(
+        'tool', 'move the tool to a position with the active Cartesian controller: THE ARM MOVES'
+    )
     for axis in 'xyz':
-        command.add_argument(axis, type=finite_number, help='tool position in the frame [m]')
+        command.add_argument(
+            axis, type=finite_number, help=f'{axis} coordinate of the position in --frame [m]'
+        )
     command.add_argument(
         '--frame',
         choices=('base', 'world'),
         default='base',
         help=(
-            "frame of the position: 'base' of the arm, or 'world' of the drone's odometry, which "
-            'needs world_control (default: base)'
+            "frame of the position: 'base' is base_link of the arm, 'world' the frame of the "
+            "drone's odometry, which needs world_control (default: base)"
         ),
     )
     command.add_argument(
-        '--tolerance', type=positive_number, default=0.01, help='goal tolerance [m]'
+        '--tolerance',
+        type=positive_number,
+        default=0.01,
+        help='distance from the position below which the goal counts as reached [m] (default: '
+        '0.01)',
     )
     for name, (executable, _, what, meaning) in _PROGRAMS.items():
         command = commands.add_parser(
@@ -142,51 +168,61 @@ def make_parser() -> argparse.ArgumentParser:
         command.add_argument('what', metavar=what)
         if name == 'record':
             command.add_argument(
-                '--here', action='store_true', help='record on this host in any case'
+                '--here', action='store_true', help='record on this computer, not on the drone'
             )
-    command = add('set', 'set a live parameter of a node')
-    command.add_argument('node', help='node name, for example computed_torque')
-    command.add_argument('name', help='parameter name')
-    command.add_argument('value', help='new value, for example 0.5, true or "[900.0]"')
-    command = add('fault', f'inject a fault into {_FAKE}')
-    command.add_argument('fault', metavar=FORM, help=f'NAME is one of {", ".join(FAULTS)}')
+    command = add('set', 'set a parameter of a running node')
+    command.add_argument('node', help='name of the node, for example computed_torque')
+    command.add_argument('name', help='name of the parameter')
     command.add_argument(
-        '--bridge', metavar='NODE', default=_FAKE, help='node name of the emulated arm'
+        'value', help='new value of the parameter, for example 0.5, true or "[900.0]"'
+    )
+    command = add('fault', f'inject a fault into {_FAKE}')
+    command.add_argument(
+        'fault', metavar=FORM, help=f'fault to inject; NAME is one of {", ".join(FAULTS)}'
+    )
+    command.add_argument(
+        '--bridge',
+        metavar='NODE',
+        default=_FAKE,
+        help=f'name of the node that emulates the arm (default: {_FAKE})',
     )
     command = add('fetch', _FETCH)
-    command.add_argument('what', metavar='NAME', help='name of the bag')
+    command.add_argument('what', metavar='NAME', help='name of the bag on the drone')
     _add_commission(add('commission', _COMMISSION))
     _add_calibrate(add('calibrate', _CALIBRATE))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
     commands.add_parser(
         'completion',
-        help='print shell code that completes the options of all executables in bash or zsh',
+        help='print shell code with which bash or zsh completes the options of all executables',
     )
     return parser
 
 
 def _add_arm_files(command: argparse.ArgumentParser) -> None:
     for option, what in (
-        ('--config', 'configuration of the bridge'),
+        ('--config', 'arm configuration that the bridge uses'),
         ('--urdf', 'URDF of the arm'),
     ):
-        command.add_argument(option, default='', metavar='FILE', help=f'{what} (default: packaged)')
+        command.add_argument(
+            option, default='', metavar='FILE', help=f'{what} (default: the packaged file)'
+        )
 
 
 def _add_commission(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add('--joint', action='append', default=[], metavar='NAME', help='joint to commission; may be '
-        'repeated (default: all)')  # fmt: skip
-    add('--resume', action='store_true', help='only joints that have not passed yet')
+    add('--joint', action='append', default=[], metavar='NAME', help='joint to commission; repeat '
+        'the option for several joints (default: all joints)')  # fmt: skip
+    add('--resume', action='store_true',
+        help='commission only joints that have not passed in an earlier run')  # fmt: skip
     _add_arm_files(command)
     add('--record', default='', metavar='FILE', help=(
-        'result file (default: CONFIG.commissioning.yaml next to the configuration)'
+        'file for the results (default: CONFIG.commissioning.yaml next to the configuration)'
     ))  # fmt: skip
     add('--yes', action='store_true', help=(
-        'emulated boards only: perform and confirm every manual step automatically'
+        'perform and confirm all manual steps automatically; with emulated boards only'
     ))  # fmt: skip
-    add('--bridge', metavar='NODE', default=_FAKE, help='node name of the emulated bridge, for '
-        f'--yes (default: {_FAKE})')  # fmt: skip
+    add('--bridge', metavar='NODE', default=_FAKE, help='name of the node that emulates the '
+        f'boards, for --yes (default: {_FAKE})')  # fmt: skip
 
 
 def _add_calibrate(command: argparse.ArgumentParser) -> None:
@@ -196,57 +232,65 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
         type=int,
         default=40,
         metavar='N',
-        help='number of configurations (default: 40)',
+        help='number of calibration postures (default: 40)',
     )
     add('--rest', type=positive_number, default=1.0, help=(
-        'rest time in each configuration [s] (default: 1)'
+        'time for which the arm rests in each posture [s] (default: 1)'
     ))  # fmt: skip
     add('--span', type=positive_number, default=0.8, help=(
-        'fraction of the joint ranges to use (default: 0.8)'
+        'fraction of each joint range from which postures are chosen (default: 0.8)'
     ))  # fmt: skip
     add('--sensors', nargs='+', default=[], metavar='TOPIC', help=(
-        'marker and pose topics to record (default: all except the outputs of this suite)'
+        'topics with markers or poses to record (default: all such topics of other programs)'
     ))  # fmt: skip
     add(
         '--link',
         default='',
         metavar='NAME',
-        help='link that carries the markers (default: the last)',
+        help='link that carries the markers (default: the last link)',
     )
     add('--camera', nargs=3, type=finite_number, metavar=('X', 'Y', 'Z'), help=(
-        'position of a camera in the base frame [m]; only configurations in which the marker '
-        'faces the camera'
+        'position of a camera in the base frame [m]; the program then chooses only postures in '
+        'which the marker faces the camera'
     ))  # fmt: skip
     add('--marker-normal', nargs=3, type=finite_number,
         metavar=('X', 'Y', 'Z'), help=(
-        'normal of the marker in the frame of its link; needs --camera (default: 0 0 1)'
+        "normal vector of the marker in the frame of the marker's link; needs --camera (default: "
+        '0 0 1)'
     ))  # fmt: skip
     _add_arm_files(command)
     add('--excitation-config', default='', metavar='FILE', help=(
-        'excitation configuration with clearances and ground (default: packaged)'
+        'YAML file with clearances and the height of the ground (default: the packaged file)'
     ))  # fmt: skip
-    add('--out', default='', metavar='BAG', help='bag to record (default: calibration_DATE_TIME)')
-    add('--seed', type=int, default=0, help='seed of the random arm configurations (default: 0)')
-    add('--dry-run', action='store_true', help='print the configurations without moving')
+    add('--out', default='', metavar='BAG',
+        help='name of the recorded bag (default: calibration_DATE_TIME)')  # fmt: skip
+    add('--seed', type=int, default=0,
+        help='seed of the random candidates for the postures (default: 0)')  # fmt: skip
+    add('--dry-run', action='store_true', help='print the postures without moving the arm')
 
 
 def _add_init(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add('urdf', type=Path, help='of the arm')
-    add('--name', default='', help='name of the arm and of the files (default: as in the URDF)')
+    add('urdf', type=Path, help='URDF file of the arm')
+    add(
+        '--name',
+        default='',
+        help='name of the arm and of the written files (default: the name in the URDF)',
+    )
     add(
         '--out',
         type=Path,
         default=Path(),
         metavar='FOLDER',
-        help='folder for the files (default: current folder)',
+        help='folder for the written files (default: the current folder)',
     )
     add(
         '--locked',
         nargs='+',
         default=[],
         metavar='JOINT',
-        help='joints to lock, for example fingers',
+        help='joints that do not belong to the arm, for example of a gripper; the model treats '
+        'these joints as fixed',
     )
     add(
         '--gravity',
@@ -255,21 +299,21 @@ def _add_init(command: argparse.ArgumentParser) -> None:
         default=[0.0, 0.0, -9.81],
         metavar=tuple('XYZ'),
         help=(
-            'gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; for a hanging arm '
-            '0 0 9.81)'
+            'gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; 0 0 9.81 for an '
+            'arm that hangs)'
         ),
     )
     add('--package-directory', type=Path, action='append', default=[], metavar='FOLDER',
-        help='search path for package:// meshes')  # fmt: skip
+        help='folder in which to search for the package:// meshes of the URDF')  # fmt: skip
     add('--estimate', type=Path, metavar='FILE', help=(
-        'estimate.yaml of the identifier, with identified friction and rotor inertias (default: '
-        'guesses)'
+        'estimate.yaml of the identifier, from which friction and rotor inertias are taken '
+        '(default: guesses)'
     ))  # fmt: skip
     add('--overwrite', action='store_true', help='overwrite existing files')
 
 
 def _init(options: argparse.Namespace) -> int:
-    # Late import, because this command's libraries take a second to load.
+    # Imported here, because the libraries of this command take a second to load.
     from aerarm_ros.ros.programs.init_run import InitRun
 
     try:
@@ -285,22 +329,25 @@ def _add_waits(command: argparse.ArgumentParser, default: str) -> None:
         '--bridge',
         action='append',
         metavar='NODE',
-        help=f'node name of the bridge (default: {default})',
+        help=f'name of the bridge that receives the request (default: {default})',
     )
     command.add_argument(
-        '--wait-before', choices=MODES, metavar='MODE', help='mode to wait for before the request'
+        '--wait-before',
+        choices=MODES,
+        metavar='MODE',
+        help='mode of the arm to wait for before the request',
     )
     command.add_argument(
         '--wait',
         nargs='+',
         choices=MODES,
         metavar='MODE',
-        help='modes to wait for after the request',
+        help='modes of the arm to wait for after the request; the command ends in the first one',
     )
 
 
 def finite_number(text: str) -> float:
-    """Convert text of the command line to a finite number; raises ValueError."""
+    """Convert a text to a finite number; raises ValueError for other texts."""
     value = float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -308,7 +355,7 @@ def finite_number(text: str) -> float:
 
 
 def positive_number(text: str) -> float:
-    """Convert text of the command line to a finite number above zero; raises ValueError."""
+    """Convert a text to a positive finite number; raises ValueError for other texts."""
     value = finite_number(text)
     if value <= 0.0:
         raise ValueError(text)
@@ -318,7 +365,7 @@ def positive_number(text: str) -> float:
 def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
     """Replace this process by another executable, which then receives Ctrl-C."""
     executable, parameter, *_ = _PROGRAMS[options.command]
-    given = f'{parameter}:={json.dumps(options.what)}'  # always a text
+    given = f'{parameter}:={json.dumps(options.what)}'  # quoted, so that ROS reads a string
     begin = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
     command = [sys.executable, '-m', 'aerarm_ros.executables', executable]
     sys.stdout.flush()
@@ -326,7 +373,7 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
 
 
 def _completion() -> str:
-    """Return the script with which bash or zsh completes the arguments of all executables."""
+    """Return the shell code with which bash or zsh completes the options of all executables."""
     from argcomplete.shell_integration import shellcode
 
     names = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
@@ -334,7 +381,7 @@ def _completion() -> str:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the command; return 0 if the request succeeded."""
+    """Run the command of the command line; return 0 if it succeeded."""
     arguments = list(sys.argv[1:] if args is None else args)
     parser = make_parser()
     complete(parser)
@@ -348,7 +395,7 @@ def main(args: Sequence[str] | None = None) -> int:
         return 0
     if options.command == 'init':
         return _init(options)
-    # Imported here: help, completion and `init` need no ROS.
+    # Imported here, because help, completion and `init` need no ROS.
     from aerarm_ros.ros.requests.arm_requests import HERE, run_request
 
     if options.command == 'record' and not options.here:

@@ -1,11 +1,11 @@
 """Publish the arm's reaction on the drone: wrench, mass properties, feedforward and energy.
 
-All values are in base_link's axes, and moments are about its origin. `base_wrench` is the wrench
-of the arm on the drone, `base_wrench_static` its part due to gravity. For feedforward, the node
-publishes mass properties, `base_wrench_weight` and `base_wrench_motion`. With a drone_file it also
-publishes `feedforward_acceleration`. While odometry and rotor_command arrive, `contact_wrench` is
-the estimated wrench of all other contacts on drone and arm. `energy` is the energy that the arm
-draws from the battery, by cause.
+All vectors are in the axes of base_link, and moments are about its origin. `base_wrench` is the
+wrench of the arm on the drone, and `base_wrench_static` the part of it that gravity causes. For
+feed-forward the node publishes mass properties, `base_wrench_weight` and `base_wrench_motion`.
+With a drone_file it also publishes `feedforward_acceleration`. While odometry and rotor_command
+arrive, `contact_wrench` is the estimated wrench of contacts on drone and arm. `energy` is the
+energy that the arm draws from the battery, by cause.
 """
 
 import sys
@@ -59,7 +59,7 @@ PARAMETERS = state_node_parameters(
 
 
 class BaseReactionNode(StateNode):
-    """Publish the arm's reaction on the drone at the node's own rate, from joint states."""
+    """Compute the arm's reaction on the drone from joint states, and publish it at `rate`."""
 
     answers_every_state = False
 
@@ -67,21 +67,21 @@ class BaseReactionNode(StateNode):
         super().__init__(NAME, PARAMETERS)
 
     def build(self) -> None:
-        """Create the arm's model and the estimator of its acceleration."""
+        """Create the model of the arm and the estimator of the joint accelerations."""
         if self.values.base_motion == FREE:
-            # A wrench that contained the drone's own acceleration would feed back through its
-            # rotors.
+            # If the wrench contained the effect of the drone's acceleration, feed-forward to the
+            # rotors would close a feedback loop.
             self.base = self.arm.hovering_base(self.values)
         self._reaction = BaseReaction(self.arm.robot)
         self.arm.load(self._reaction.dynamics, self.values)
         self._acceleration = AccelerationEstimate(self.arm.config.n, self.values.cutoff)
-        # A little less than a period, because states arrive with jitter.
+        # A little less than a period, because joint states arrive with jitter.
         self._period = 1.0 / self.values.rate - 0.5e-3
         self._last = self._due = -np.inf
         self._is_located = True
 
     def connect(self) -> None:
-        """Advertise the topics for the drone."""
+        """Create the publishers and subscriptions."""
         self._wrench = self.advertise(topics.BASE_WRENCH)
         self._static = self.advertise(topics.STATIC_WRENCH)
         self._loads = LoadTopics(self.node, self.arm, self.values, self.answers.publish)
@@ -102,7 +102,7 @@ class BaseReactionNode(StateNode):
         dt, self._last = now - self._last, now
         if not 0.0 < dt < LONGEST_GAP:
             self._acceleration.reset()
-            self._due = -np.inf  # The clock may have been set back.
+            self._due = -np.inf  # the clock may have been set back
         ddq = self._acceleration.update(state.dq, dt)
         self._energy.add(now, state)
         self._loads.add(stamp_ns, JointReference(state.q, state.dq, ddq))
@@ -117,9 +117,10 @@ class BaseReactionNode(StateNode):
         self.count_answer()
 
     def silence(self, silent_for: float) -> float:
-        """Fade the published arm motion and contact to zero.
+        """Fade the published wrenches of motion and contact to zero.
 
-        A pause of the computer that emulates the arm does not count: the arm's clock pauses too.
+        A pause of the computer that emulates an arm does not count, because the arm's time pauses
+        too.
         """
         timeout = super().silence(silent_for)
         if silent_for <= self._patience.limit(timeout):
@@ -128,7 +129,7 @@ class BaseReactionNode(StateNode):
         return min((pause for pause in pauses if pause), default=timeout)
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change the preview time or the bandwidth."""
+        """Change the preview time `lead` or the cutoff frequency of `contact_wrench`."""
         if name == BANDWIDTH:
             self._contact.set_bandwidth(value)
         else:
@@ -144,7 +145,7 @@ class BaseReactionNode(StateNode):
         self._loads.forecast.is_held = message.data in HELD
 
     def describe(self) -> dict[str, object]:
-        """Return the source of the published motion and the energy, for diagnostics."""
+        """Return the source of the published motion, contact and energy, for /diagnostics."""
         motion = self._loads.forecast.problem or 'planned'
         others = {**self._contact.describe(), **self._energy.describe()}
         return {**super().describe(), 'motion forecast': motion, **others}

@@ -1,7 +1,8 @@
 """Calibrate an arm's geometry, its mount and the drone's IMU from recorded measurements.
 
-The calibrator reads tables and bags of any serial arm and needs no running ROS. The calibrator
-writes calibrated.urdf, calibration.yaml, arm.yaml, summary.json and report.html, or drone.yaml.
+The calibrator reads tables and bags of any serial arm and needs no running ROS. It writes
+calibrated.urdf, calibration.yaml, arm.yaml, summary.json and report.html; with --mount it writes
+drone.yaml, summary.json and report.html.
 """
 
 from __future__ import annotations
@@ -25,24 +26,30 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bag',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
-        'bags or tables to calibrate from: .csv, .npz, rosbag2 directory, .mcap, .db3 or .bag',
+        'recordings from which to calibrate: .csv and .npz tables, rosbag2 folders, .mcap, .db3 '
+        'and .bag files',
     ),
     (
         '--validation',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
-        'bags or tables of the same setup for validation only',
+        'recordings of the same setup for validation, which the calibration does not use',
     ),
     (
         '--holdout',
         {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
-        'fraction of the configurations of --bag for validation, drawn at random (default: 0)',
+        'fraction of the postures of --bag, drawn at random, for validation instead of calibration '
+        '(default: 0)',
     ),
-    ('--urdf', {'type': Path, 'metavar': 'FILE'}, 'URDF of the arm (default: packaged)'),
+    (
+        '--urdf',
+        {'type': Path, 'metavar': 'FILE'},
+        'URDF of the arm (default: the packaged arm)',
+    ),
     (
         '--config',
         {'type': Path, 'metavar': 'FILE'},
-        'configuration that receives the offsets, for example config/aerarm.yaml (default: '
-        'packaged, without --urdf)',
+        'arm configuration to which to add the estimated joint offsets, for example '
+        'config/aerarm.yaml (default: the packaged file; with --urdf none)',
     ),
     (
         '--link',
@@ -52,87 +59,94 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--level',
         {'choices': ('auto', 'frames', 'offsets', 'geometry'), 'default': 'auto'},
-        'errors to estimate: none, joint offsets, offsets and link geometry, or the choice of '
-        'cross-validation (default)',
+        'errors to estimate. frames: only the poses of the sensors; offsets: also joint offsets; '
+        'geometry: also link geometry; auto (default): the best level in a cross-validation',
     ),
     (
         '--no-compliance',
         {'action': 'store_true'},
-        'do not estimate deflection of the joints under gravity',
+        'do not estimate the deflection of the joints under gravity',
     ),
-    ('--eccentricity', {'action': 'store_true'}, 'estimate the first harmonic of the gear errors'),
+    (
+        '--eccentricity',
+        {'action': 'store_true'},
+        'also estimate the first harmonic of the angle error of each gear',
+    ),
     (
         '--tolerance',
         {'nargs': 2, 'type': float, 'default': [2.0, 10.0], 'metavar': ('LENGTH', 'ANGLE')},
-        'typical errors of lengths [mm] and angles [mrad] of the URDF; smaller values keep the '
+        'expected errors of lengths [mm] and angles [mrad] in the URDF; smaller values keep the '
         'estimates closer to the URDF (default: 2 10)',
     ),
     (
         '--base-known',
         {'action': 'store_true'},
-        "markers are in the frame of the URDF's base link (default: unknown frame)",
+        "the markers are measured in the frame of the URDF's base link (default: in an unknown "
+        'frame)',
     ),
     (
         '--eye-in-hand',
         {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'poses of a fixed object, measured by a camera on the arm',
+        'names of poses that a camera on the arm measures of a fixed object',
     ),
     (
         '--length-unit',
         {'choices': ('m', 'cm', 'mm'), 'default': ''},
-        'length unit of columns without a unit (default: m)',
+        'unit of lengths in columns whose name states no unit (default: m)',
     ),
     (
         '--degrees',
         {'action': 'store_true'},
-        'joint positions and roll, pitch, yaw of poses are in degrees if the column states no unit',
+        'read joint positions and the angles roll, pitch and yaw in degrees if the column name '
+        'states no unit',
     ),
     (
         '--ignore',
         {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'markers, poses or columns to ignore',
+        'names of markers, poses or columns that the calibrator does not use',
     ),
     (
         '--rename',
         {'nargs': '+', 'default': [], 'metavar': 'COLUMN=JOINT'},
-        'joint name in the input and in the URDF',
+        'name of a joint in the recording, and its name in the URDF',
     ),
     (
         '--lock',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the chain that stayed at zero and were not recorded',
+        'joints that were not recorded, because they stayed at zero',
     ),
     (
         '--gravity',
         {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
-        'gravity in the base frame [m/s^2] (default: as in the configuration, else 0 0 -9.81)',
+        "gravity in the frame of the arm's base [m/s^2] (default: as in --config, otherwise 0 0 "
+        '-9.81)',
     ),
     (
         '--topic',
         {'default': '/joint_states', 'metavar': 'NAME'},
-        'JointState topic of bags (default: %(default)s)',
+        'topic of the joint states in the bags (default: %(default)s)',
     ),
     (
         '--sensors',
         {'nargs': '+', 'default': [], 'metavar': 'TOPIC'},
-        'PointStamped, PoseStamped, TransformStamped and TFMessage topics of bags (default: all '
-        'except the outputs of this suite)',
+        'topics of markers and poses in the bags, of type PointStamped, PoseStamped, '
+        'TransformStamped or TFMessage (default: all such topics of other programs)',
     ),
     (
         '--frames',
         {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'child frames of TFMessages to use (default: all except links of the URDF)',
+        'child frames to use from TFMessage topics (default: all except the links of the URDF)',
     ),
     (
         '--mount',
         {'action': 'store_true'},
-        "estimate the poses of the arm's base and of the IMU on the drone, and write the drone "
-        'file; needs a bag in which both move',
+        "estimate the poses of the arm's base and of the IMU on the drone, and write a drone "
+        'file; needs a bag in which drone and arm move',
     ),
     (
         '--drone',
         {'type': Path, 'metavar': 'FILE'},
-        'initial drone file for --mount (default: the packaged drone.yaml)',
+        'drone file with the nominal poses for --mount (default: the packaged drone.yaml)',
     ),
     (
         '--drone-pose',
@@ -147,13 +161,13 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--out',
         {'type': Path, 'metavar': 'DIR'},
-        'result folder (default: output/calibration_...)',
+        'folder for the results (default: output/calibration_DATE_TIME)',
     ),
 )
 
 
 def calibrator_parser(name: str, description: str) -> OneLineParser:
-    """Return the parser of a program; its options contain the start time as `started`."""
+    """Return the parser of the command line; the parsed options contain the start time."""
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
     for option, details, text in _OPTIONS:
         more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
@@ -198,7 +212,7 @@ def _run(options: argparse.Namespace) -> int:
         print_error(_NAME, error)
         return USER_ERROR
     except np.linalg.LinAlgError as error:
-        print_error(_NAME, f'{error}: check that positions and joint states are plausible')
+        print_error(_NAME, f'{error}: check that marker positions and joint states are plausible')
         return USER_ERROR
     return 0
 

@@ -1,10 +1,10 @@
-"""Estimate external joint torque and contact of an arm on any base, without a sensor.
+"""Estimate the external joint torque of an arm and detect contact, without a contact sensor.
 
-The node compares the measured torque with the identified model, friction included. The node
-publishes `external_torque`, `contact` (yes or no), `contact_confidence` and `contact_force`.
-Thresholds come from a recording of free motion: `residuals_file`, which `contact_estimator --free
-BAG --out DIR` writes. With --bag DIR it searches recordings instead (--bag DIR --help lists the
-options).
+The node compares the measured torque with the torque of the identified model. It publishes
+`external_torque`, `contact` (yes or no), `contact_confidence` and `contact_force`. The contact
+thresholds are in `residuals_file`, which `contact_estimator --free BAG --out DIR` learns from a
+recording without contact. With --bag DIR the program searches recordings for contact instead
+(--bag DIR --help lists the options).
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ PARAMETERS = state_node_parameters(
 
 
 class ContactEstimatorNode(StateNode):
-    """Node that publishes external torque, contact and contact force for received joint states."""
+    """Estimate external torque and contact from joint states, and publish the estimates."""
 
     answers_every_state = False
-    # Each state has the torque of its cycle; the queue bridges a pause of half a second.
+    # No joint state may be left out; the queue holds the states of half a second.
     states_waiting = 500
 
     def __init__(self) -> None:
@@ -60,8 +60,8 @@ class ContactEstimatorNode(StateNode):
         values, names = self.values, self.arm.robot.joint_names
         if not values.residuals_file:
             raise ValueError(
-                'residuals_file is not set: learn thresholds from a recording without contact '
-                '(contact_estimator --free BAG --model estimate.yaml --out DIR) and set '
+                'residuals_file is not set: learn the contact thresholds from a recording without '
+                'contact (contact_estimator --free BAG --model estimate.yaml --out DIR), and set '
                 'residuals_file to DIR/residuals.yaml'
             )
         self.base = self.arm.measured_base(values)
@@ -80,14 +80,14 @@ class ContactEstimatorNode(StateNode):
         self._report: ContactReport | None = None
 
     def connect(self) -> None:
-        """Advertise the topics of the results."""
+        """Create the publishers of torque and contact."""
         self._torque = self.advertise(topics.EXTERNAL_TORQUE)
         self._contact = self.advertise(topics.CONTACT)
         self._confidence = self.advertise(topics.CONTACT_CONFIDENCE)
         self._force = self.advertise(topics.CONTACT_FORCE)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Process a state; publish at `rate`, and at once if contact begins or ends."""
+        """Process a joint state; publish at `rate`, and immediately if contact begins or ends."""
         now = stamp_ns * 1e-9
         if self.base.problem(now):
             return
@@ -109,7 +109,7 @@ class ContactEstimatorNode(StateNode):
         return super().warning() or self._detector.problem
 
     def describe(self) -> dict[str, object]:
-        """Return the newest result for diagnostics."""
+        """Return the newest estimate for /diagnostics."""
         described: dict[str, object] = {
             **super().describe(),
             'contacts': sum(event.cause is Cause.CONTACT for event in self._detector.events),
@@ -129,7 +129,7 @@ class ContactEstimatorNode(StateNode):
         return described
 
     def _known_arm(self) -> tuple[KnownArm, MovingBaseDynamics]:
-        """Return the arm as the model file or the URDF describes it."""
+        """Return the arm and its dynamics model, from `model_file` or from the URDF."""
         values, robot = self.values, self.arm.robot
         if not values.model_file:
             load = np.zeros(robot.n) + load_share(values, robot)

@@ -1,6 +1,6 @@
-"""Move the emulated arm, record it, identify its model and validate the model.
+"""Move an emulated arm, record the motion, identify a model of the arm, and validate the model.
 
-The demo starts the suite's nodes as separate processes, like a user with `ros2 run`. At the end it
+The demo starts the nodes as separate processes, as a user does with `ros2 run`. At the end it
 prints a table of torque errors and the path of a report.
 """
 
@@ -22,12 +22,12 @@ from aerarm_ros.ros.process.ros_arguments import OneLineParser
 from aerarm_ros.ros.programs.demo_run import DemoError, DemoRun
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
-# Marker file that exists until every file in the directory is complete.
+# Name of a file that the demo deletes from the output folder when all results are complete.
 INCOMPLETE = 'INCOMPLETE'
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the demo; return 0 if the identified model is written."""
+    """Run the demo; return 0 if it has written the identified model."""
     options = _parse(arguments)
     with StopSignals(_interrupt):
         return _run(options)
@@ -42,14 +42,14 @@ def _run(options: argparse.Namespace) -> int:
     out: Path = options.out
     try:
         if out.is_dir() and any(out.iterdir()):
-            raise FileExistsError('the folder is not empty')
+            raise FileExistsError('the folder contains files')
         (out / 'logs').mkdir(parents=True)
         marker = out / INCOMPLETE
         marker.write_text('The demo is still running, or ended before it wrote all results.\n')
     except OSError as error:
         reason = error.strerror or error
         print(
-            f'demo cannot use {out} ({reason}): pass another folder with --out',
+            f'demo cannot write to {out} ({reason}): pass another folder with --out',
             file=sys.stderr,
         )
         return USER_ERROR
@@ -59,10 +59,13 @@ def _run(options: argparse.Namespace) -> int:
         account = run.move_and_record()
         run.identify()
     except (DemoError, ArmClientError) as error:
-        print(f'demo failed: {error}\ndemo: {out} is incomplete', file=sys.stderr)
+        print(f'demo failed: {error}\ndemo: the results in {out} are incomplete', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print(f'\ndemo: interrupted, all nodes were stopped; {out} is incomplete', file=sys.stderr)
+        print(
+            f'\ndemo: interrupted, all nodes were stopped; the results in {out} are incomplete',
+            file=sys.stderr,
+        )
         return INTERRUPTED
     marker.unlink()
     print(*account.lines(), f'Time      {time.monotonic() - started:.0f} s', sep='\n')
@@ -75,26 +78,39 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
         '--out',
         type=Path,
         default=Path('output') / datetime.now().strftime('demo_%Y%m%d_%H%M%S'),
-        help='folder for bags, logs and the result (default: output/demo_DATE_TIME)',
+        help='folder for bags, logs and results (default: output/demo_DATE_TIME)',
     )
-    parser.add_argument('--seed', type=int, default=2, help='seed of the validation trajectory')
     parser.add_argument(
-        '--arm-seed', type=int, default=7, help=("seed of the simulated arm's parameters")
+        '--seed',
+        type=int,
+        default=2,
+        help='seed of the random trajectory for validation (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--arm-seed',
+        type=int,
+        default=7,
+        help="seed of the simulated arm's random parameters (default: %(default)s)",
     )
     parser.add_argument(
         '--periods',
         type=_at_least_one,
         default=2,
-        help='periods of 10 s per trajectory (default: 2)',
+        help='number of periods of each trajectory, 10 s each (default: 2)',
     )
     parser.add_argument(
         '--pace',
         choices=(KEEP_UP, LOCKSTEP),
         default=KEEP_UP,
-        help='speed of the simulation (default: %(default)s)',
+        help='parameter pace of fake_hardware, which sets how simulation time passes (default: '
+        '%(default)s)',
     )
     parser.add_argument(
-        '--priority', type=int, default=80, help='SCHED_FIFO priority of the bridge; 0 for none'
+        '--priority',
+        type=int,
+        default=80,
+        help='SCHED_FIFO priority of the bridge; 0 for the ordinary scheduler (default: '
+        '%(default)s)',
     )
     return parser.parse_args(arguments)
 
@@ -102,18 +118,18 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
 def _at_least_one(text: str) -> int:
     value = int(text)
     if value < 1:
-        raise argparse.ArgumentTypeError(f'{value} is below 1')
+        raise argparse.ArgumentTypeError(f'{value} is below 1: pass a positive whole number')
     return value
 
 
 def _isolate_from_other_ros_graphs() -> None:
-    """Restrict ROS to this host, because a real arm may be on the network."""
+    """Restrict ROS communication to this computer, because the network may contain a real arm."""
     domains = random.sample(range(1, 101), 100)
     free = next(filter(is_domain_free, domains), domains[0])
     os.environ.setdefault('ROS_DOMAIN_ID', str(free))
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     for name in ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'):
-        os.environ.pop(name, None)  # These reach beyond this host.
+        os.environ.pop(name, None)  # these settings connect to other hosts
 
 
 if __name__ == '__main__':

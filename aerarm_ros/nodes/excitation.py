@@ -1,4 +1,4 @@
-"""Move the arm along an excitation trajectory, with one command per joint state.
+"""Move the arm along an excitation trajectory.
 
 Usage: ros2 run aerarm_ros excitation --ros-args -p seed:=1 -p periods:=2
 """
@@ -42,7 +42,7 @@ VELOCITY, FULL = 'velocity', 'position_velocity_effort'
 DEFAULT_PERIODS = 2
 
 PARAMETERS = ParameterTable(
-    Parameter('trajectory', '', 'YAML trajectory file to play; a random trajectory if empty'),
+    Parameter('trajectory', '', 'YAML file of the trajectory; a random trajectory if empty'),
     Parameter('seed', 1, 'seed of the random trajectory', '', 0, 10**9),
     Parameter('fundamental', 0.1,
         'fundamental frequency f0 of the random trajectory', 'Hz', 0.001, 10.0),
@@ -50,30 +50,33 @@ PARAMETERS = ParameterTable(
     Parameter('amplitude', 0.35,
         'largest Fourier coefficient of the random trajectory', 'rad', 0.001, 3.0),
     Parameter('periods', 0,
-        'number of whole periods at full speed; 0 takes the number of the file, or 2 periods if '
-        'the file has none', '', 0, 10000),
+        'number of whole periods at full speed; 0 for the number in the trajectory file, or 2 if '
+        'the file contains no number', '', 0, 10000),
     Parameter('save', '',
-        'YAML file for the trajectory, written before it is played; none if empty'),
-    Parameter('mode', VELOCITY, 'commanded quantity', choices=(VELOCITY, FULL)),
+        'YAML file to which the node writes the trajectory before the motion; no file if empty'),
+    Parameter('mode', VELOCITY,
+        'commanded quantities: joint velocity only, or position, velocity and effort',
+        choices=(VELOCITY, FULL)),
     Parameter('position_gain', 1.0,
-        'gain K of dq_d + K (q_d - q) in velocity mode', '1/s', 0.0, 20.0),
+        'gain K of the commanded velocity dq_d + K (q_d - q) in the mode velocity', '1/s',
+        0.0, 20.0),
     Parameter('tracking_limit', 0.3,
         'position error |q_d - q| at which the node stops the arm', 'rad', 1e-3, 3.0),
     Parameter('damped_share_max', 0.01, (
-        'allowed fraction of the motion during which the bridge damps the arm because commands '
-        'are late; if exceeded, exit status 1'
+        'largest fraction of the motion in which the bridge may damp the arm because commands '
+        'arrive late; above it the exit status is 1'
     ), '', 0.0, 1.0),
-    Parameter('return_to_start', True, 'return to the initial configuration at the end'),
+    Parameter('return_to_start', True, 'return to the initial posture at the end'),
     Parameter('state_timeout', 0.2,
-        'time limit for the next joint state', 's', 0.005, 10.0),
+        'time without joint_states after which the node aborts the motion', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0,
-        'time limit until the arm is ready and all subscribers are found', 's', 0.1, 3600.0),
+        'time limit until the arm is ready and all subscribers are connected', 's', 0.1, 3600.0),
     Parameter('subscribers', 1, (
-        'number of subscribers of joint_command and of joint_states to wait for (2 each: the '
-        'bridge and the recorder for joint_command; this node and the recorder for joint_states)'
+        'number of subscribers that joint_command and joint_states must have before the motion '
+        'starts; 2 with a recorder'
     ), '', 1, 100),
     Parameter('wait_for_recorder', False,
-        'wait until recorder_status reports that joint_states and joint_command are recorded'),
+        'wait with the motion until the recorder records joint_states and joint_command'),
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
@@ -84,11 +87,12 @@ PARAMETERS = ParameterTable(
 
 
 class ExcitationNode:
-    """Wait for the arm, plan from its present configuration, play, and report the result.
+    """Wait until the arm is ready, plan the motion from its present posture, and play it.
 
     Attributes
     ----------
-    status : exit status after `run`.
+    status
+        Exit status after `run`.
 
     Raises
     ------
@@ -143,7 +147,7 @@ class ExcitationNode:
         start = self._playback.wait_for_arm(self._parameters.wait_timeout)
         if start is None:
             self.status = INTERRUPTED
-            print_error(NAME, 'interrupted before the motion began')
+            print_error(NAME, 'interrupted before the motion started')
             return
         motion = self._setup.planner.plan(
             self._trajectory,
@@ -165,7 +169,7 @@ class ExcitationNode:
         self._conclude()
 
     def _get_trajectory(self) -> FourierTrajectory:
-        """Load or draw a trajectory inside the limits, and save it if the user asked for it."""
+        """Load or randomly draw a feasible trajectory, and write it to the file `save`."""
         values, setup = self._parameters, self._setup
         if values.trajectory:
             file = TrajectoryFile.load(values.trajectory)
@@ -191,15 +195,15 @@ class ExcitationNode:
         return trajectory
 
     def _within_rotors(self, trajectory: FourierTrajectory) -> FourierTrajectory:
-        """Return the trajectory, slowed down to the rotors of the drone, and report the factor."""
+        """Return the trajectory, slowed down if the rotors of the drone require it."""
         slowed = self._setup.planner.slowed(trajectory, self._periods, self._slowdown)
         factor = slowed.period / trajectory.period
         if factor > 1.0:
             self._slowed = f'{factor:.2f} times'
             print(
-                f'{NAME}: the periods take {factor:.2f} times as long ({slowed.period:.1f} s '
-                f'instead of {trajectory.period:.1f} s), because the rotors of the drone limit '
-                'the motion (rotor_share, heading_max)',
+                f'{NAME}: the motion is slowed down for the rotors of the drone (parameters '
+                f'rotor_share and heading_max): a period takes {slowed.period:.1f} s instead of '
+                f'{trajectory.period:.1f} s ({factor:.2f} times as long)',
                 flush=True,
             )
         return slowed
@@ -235,8 +239,9 @@ class ExcitationNode:
             self.status = 1
             raise ExcitationError(
                 f'the bridge damped the arm for {damping.share:.1%} of the motion (allowed: '
-                f'{allowed:.1%}), so the motion deviates from the plan. The computer is too busy '
-                'for 1 kHz: end other processes, set realtime_priority, or raise damped_share_max'
+                f'{allowed:.1%}), because commands arrived too late, so the motion deviates from '
+                'the plan. End other processes, set realtime_priority, or increase '
+                'damped_share_max'
             )
 
     def _diagnostic_values(self) -> dict[str, object]:
@@ -246,13 +251,13 @@ class ExcitationNode:
         return {
             'stage': player.stage,
             'played [%]': round(100.0 * player.progress, 1),
-            'slowed down for the rotors': self._slowed,
+            'slowed down for the rotors of the drone': self._slowed,
             'largest tracking error [rad]': round(float(player.largest_error.max()), 4),
         }
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node; return 0 if the whole trajectory was played without damping."""
+    """Run the node; return 0 if the arm followed the whole trajectory."""
     return run_node(NAME, ExcitationNode, args, PARAMETERS, __doc__)
 
 

@@ -1,4 +1,4 @@
-"""Design an excitation trajectory for the `excitation` node; needs no running ROS.
+"""Design a trajectory for the `excitation` node; needs no running ROS.
 
 Usage: ros2 run aerarm_ros excitation_designer --out trajectory.yaml --preview trajectory.html
 """
@@ -21,8 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Design a trajectory; return 0 if it was written, 2 for an invalid input, 130 after a stop."""
     stops: list[bool] = []
     with StopSignals(lambda: stops.append(True)):
-        # Imported here: loading the libraries takes seconds, in which Ctrl-C must also be a stop
-        # request.
+        # Imported here, because loading the libraries takes seconds, and Ctrl-C must already work
+        # in this time.
         from aerarm_ros.excitation.settings import DesignStoppedError
         from aerarm_ros.ros.programs.design_run import DesignRun
 
@@ -45,73 +45,120 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         '--out',
         type=Path,
         default=Path('trajectory.yaml'),
-        help=('output file (default: %(default)s)'),
+        help='file for the trajectory (default: %(default)s)',
     )
     add('--overwrite', action='store_true', help='overwrite existing files')
-    add('--preview', type=Path, help='HTML page with plots, workspace and animation')
-    add('--validation', action='store_true', help='also write a slower and a faster trajectory')
+    add(
+        '--preview',
+        type=Path,
+        help='HTML file for a preview with plots, workspace and animation of the trajectory',
+    )
+    add(
+        '--validation',
+        action='store_true',
+        help='also write a slower and a faster random trajectory, for validation',
+    )
     objectives = '; '.join(f'{key}: {text}' for key, text in OBJECTIVES.items())
     add('--objective', choices=list(OBJECTIVES), default=BOTH, help=objectives)
     add(
         '--condition-limit',
         type=float,
         default=26.0,
-        help=(f'design criterion for {BOTH} (default: %(default)s)'),
+        help=f'largest condition number (5.2) for --objective {BOTH} (default: %(default)s)',
     )
     add(
         '--fundamental',
         type=float,
         default=0.1,
-        help=('fundamental frequency f0 [Hz] (default: %(default)s)'),
+        help='fundamental frequency f0 of the trajectory [Hz] (default: %(default)s)',
     )
-    add('--harmonics', type=int, default=5, help='number of harmonics N (default: %(default)s)')
+    add(
+        '--harmonics',
+        type=int,
+        default=5,
+        help='number of harmonics N of the trajectory (default: %(default)s)',
+    )
     add(
         '--duration',
         type=float,
         default=20.0,
-        help=('duration of the whole periods [s] (default: %(default)s)'),
+        help='duration of the motion at full speed, a multiple of the period 1/f0 [s] (default: '
+        '%(default)s)',
     )
     add(
         '--amplitude',
         type=float,
         default=0.35,
-        help=('largest Fourier coefficient of the random starts [rad]'),
+        help='largest Fourier coefficient of the random initial trajectories [rad] (default: '
+        '%(default)s)',
     )
     add('--torque-noise', type=float, nargs='+',
         help=(
-            'standard deviation of the torque [Nm], one value or one per joint (default: 1 %% of '
-            'the effort limit)'
+            'standard deviation of the measured torque [Nm], one value or one per joint (default: '
+            '1 %% of the effort limit)'
         ))  # fmt: skip
-    add('--bias', type=float, nargs='+', help='centre of the motion [rad], one value per joint')
-    add('--seed', type=int, default=1, help='seed of the random starts (default: %(default)s)')
-    add('--starts', type=int, default=8, help='number of random starts (default: %(default)s)')
-    add('--workers', type=int, default=os.cpu_count() or 1, help='processes')
-    add('--time-limit', type=float, default=55.0, help='time limit [s] (default: %(default)s)')
-    add('--excitation-config', type=Path, help='obstacles and usable fractions of the limits')
-    add('--config', type=Path, help='drive train configuration (default: the packaged arm)')
+    add(
+        '--bias',
+        type=float,
+        nargs='+',
+        help='joint angles about which the arm moves [rad], one value per joint',
+    )
+    add(
+        '--seed',
+        type=int,
+        default=1,
+        help='seed of the random initial trajectories (default: %(default)s)',
+    )
+    add(
+        '--starts',
+        type=int,
+        default=8,
+        help='number of random initial trajectories that the search improves (default: '
+        '%(default)s)',
+    )
+    add(
+        '--workers',
+        type=int,
+        default=os.cpu_count() or 1,
+        help='number of parallel processes (default: one per CPU)',
+    )
+    add(
+        '--time-limit',
+        type=float,
+        default=55.0,
+        help='time limit of the search [s] (default: %(default)s)',
+    )
+    add(
+        '--excitation-config',
+        type=Path,
+        help='YAML file with obstacles and with the fraction of each limit that the motion may use',
+    )
+    add(
+        '--config',
+        type=Path,
+        help='arm configuration with motors and gears (default: the packaged file)',
+    )
     add(
         '--urdf',
         type=Path,
-        help=(
-            'URDF of another arm; without --config its own limits apply, together with these '
-            'options:'
-        ),
+        help='URDF of another arm. Without --config the limits in the URDF apply, and the limits '
+        'of the options below',
     )
     add(
         '--locked',
         nargs='*',
         default=[],
-        help=('joints of --urdf to lock, for example fingers'),
+        help='joints of --urdf that the model treats as fixed, for example fingers',
     )
     add(
         '--package-directory',
         type=Path,
         action='append',
         default=[],
-        help=('search path for package:// meshes'),
+        help='folder in which to search for the package:// meshes of the URDF',
     )
     for name, what in (
-        ('acceleration-limit', 'largest acceleration [rad/s^2]'),
+        ('acceleration-limit', 'largest joint acceleration [rad/s^2]'),
         ('current-limit', 'largest motor current [A]; needs --torque-per-ampere'),
         ('torque-per-ampere', 'joint torque per motor current [Nm/A]'),
     ):

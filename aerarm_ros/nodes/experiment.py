@@ -1,8 +1,8 @@
-"""Run the experiment of thesis 5.4: dynamic controllers on the simulated arm.
+"""Compare the controllers of thesis 5.4 on the simulated arm.
 
-The arm follows reference trajectories with gravity compensation and computed torque, with CAD and
-true parameters, with and without disturbance observer. The drone is still, tilted or moving. The
-program prints a table of errors and writes an HTML page.
+The arm follows a trajectory with gravity compensation and with computed torque, with CAD and with
+true parameters, with and without disturbance observer. The base of the arm is still, tilted or
+moving. The program prints a table of tracking errors and writes an HTML page.
 """
 
 import argparse
@@ -38,19 +38,23 @@ FUNDAMENTAL, HARMONICS = 0.1, 5
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the experiment; return the exit status."""
+    """Run all cases and write the page; return the exit status."""
     options = _parse(arguments)
     try:
         config, robot = load_arm_config(), load_robot()
         truth, origin = _truth(config, robot, options)
         motion = _motion(config, robot, options)
         cases = _cases(options.only)
-        options.out.mkdir(parents=True, exist_ok=True)  # fail before the long computation
+        options.out.mkdir(parents=True, exist_ok=True)  # an error here precedes the long runs
     except (ValueError, OSError) as error:
         print(f'{NAME}: {error}', file=sys.stderr)
         return 1
     bench, report = ExperimentBench(config, robot, truth, motion), ExperimentReport(robot)
-    print(f'{len(cases)} runs of {motion.duration:.0f} s; plant: {origin}', flush=True)
+    print(
+        f'{len(cases)} simulations of {motion.duration:.0f} s each; parameters of the simulated '
+        f'arm: {origin}',
+        flush=True,
+    )
     try:
         with StopSignals(_interrupt):
             workers = min(len(cases), len(os.sched_getaffinity(0)))
@@ -58,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 for index, run in enumerate(runs, start=1):
                     _print_run(report, run, f'{index}/{len(cases)}')
     except KeyboardInterrupt:
-        print_error(NAME, 'interrupted, no page was written')
+        print_error(NAME, 'interrupted, so no page was written')
         return INTERRUPTED
     except RuntimeError as error:
         print(f'{NAME}: {error}', file=sys.stderr)
@@ -66,15 +70,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print('\n' + report.text())
     path = options.out / 'controllers.html'
     note = (
-        f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "True" '
-        "means that the controller uses the plant's own parameters. RMS and max refer to the "
-        'periodic motion. "Final" is the error one second after the end, where dry friction '
-        'leaves an offset unless the controller integrates.'
+        f'Motion with five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}). Parameters of the '
+        f'simulated arm: {origin}. "True" means that the controller uses the parameters of the '
+        'simulated arm. RMS and max refer to the periodic motion. "Final" is the error one second '
+        'after the motion; dry friction leaves an offset unless the controller has integral '
+        'action.'
     )
     try:
         report.write(path, note)
     except OSError as error:
-        print_error(NAME, f'{path} cannot be written ({error.strerror}): check the free space')
+        print_error(
+            NAME, f'{path} cannot be written ({error.strerror}): check permissions and free space'
+        )
         return 1
     print(f'\nPage      {path}')
     return 0
@@ -88,33 +95,55 @@ def _cases(text: str) -> list[ExperimentCase]:
     cases = [case for case in all_cases() if text in case.name]
     if not cases:
         names = '; '.join(case.name for case in all_cases())
-        raise ValueError(f'no run name contains {text!r} (--only): choose from {names}')
+        raise ValueError(f'no case has a name that contains --only {text!r}: choose from {names}')
     return cases
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = OneLineParser(prog=NAME, description=(__doc__ or '').splitlines()[0])
-    parser.add_argument('--out', type=Path, default=Path('output') / NAME, help='folder')
-    parser.add_argument('--seed', type=int, default=1, help='seed of the trajectory')
     parser.add_argument(
-        '--amplitude', type=float, default=0.15, help='largest Fourier coefficient [rad]'
+        '--out',
+        type=Path,
+        default=Path('output') / NAME,
+        help='folder for the page (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--seed',
+        type=int,
+        default=1,
+        help='seed of the random trajectory (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--amplitude',
+        type=float,
+        default=0.15,
+        help='largest Fourier coefficient of the trajectory [rad] (default: %(default)s)',
     )
     parser.add_argument('--only', default='', help='run only cases whose name contains this text')
     plant = parser.add_mutually_exclusive_group()
-    plant.add_argument('--arm-seed', type=int, default=7, help='seed of the simulated arm')
-    plant.add_argument('--identified', type=_file, help='URDF of an identified model to simulate')
+    plant.add_argument(
+        '--arm-seed',
+        type=int,
+        default=7,
+        help="seed of the simulated arm's random parameters (default: %(default)s)",
+    )
+    plant.add_argument(
+        '--identified',
+        type=_file,
+        help='URDF of an identified model, from which the simulated arm has its parameters',
+    )
     return parser.parse_args(arguments)
 
 
 def _file(text: str) -> Path | None:
-    """Convert text to a path; return None for the empty text that a launch file passes."""
+    """Convert text to a path; an empty text (a launch argument without a value) gives None."""
     return Path(text) if text else None
 
 
 def _truth(
     config: ArmConfig, robot: Robot, options: argparse.Namespace
 ) -> tuple[PlantParameters, str]:
-    """Return the simulated arm's parameters and their source."""
+    """Return the parameters of the simulated arm, and a text with their source."""
     nominal = PlantParameters.nominal(config, robot)
     if options.identified is None:
         return nominal.perturbed(options.arm_seed), f'the arm of seed {options.arm_seed}'
@@ -130,7 +159,7 @@ def _truth(
 
 
 def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> RampedExcitation:
-    """Draw a trajectory that respects the arm's limits."""
+    """Return a random trajectory within the limits of the arm."""
     settings = load_excitation_config()
     setup = ExcitationSetup.of_arm(robot, config, settings)
     candidates = RandomTrajectory(

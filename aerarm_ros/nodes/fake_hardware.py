@@ -1,4 +1,4 @@
-"""Run the bridge on emulated boards: only the SPI bus and the arm are emulated."""
+"""Bridge with emulated boards: the software of the bridge controls a simulated arm."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Connect drone and ground: the drone's topics and services appear on the ground.
+"""Make topics and services of the drone's computer available on a computer on the ground.
 
-The 1 kHz topics stay on the drone. This relay sends decimated states, diagnostics and the mode to
-the ground, and sends commands, service requests and the e-stop to the drone. One encrypted
-connection carries at most 0.3 Mbit/s and 100 packets per second. Run the node on each host.
+The 1 kHz topics stay on the drone. The node sends joint states at a lower rate, diagnostics and the
+mode to the ground, and commands, service requests and the e-stop to the drone. The encrypted
+connection carries at most 0.3 Mbit/s and 100 packets per second. Run the node on both computers.
 
 Usage: ros2 run aerarm_ros ground_link --ros-args -p role:=ground -p drone:=ADDRESS
 """
@@ -30,36 +30,43 @@ from aerarm_ros.ros.process.shared_ports import PortWatch
 NAME = 'ground_link'
 
 PARAMETERS = ParameterTable(
-    Parameter('role', DRONE, 'host on which this node runs', choices=(DRONE, GROUND)),
-    Parameter('drone', '', 'address of the drone (on the ground only)'),
+    Parameter('role', DRONE, 'computer on which this node runs', choices=(DRONE, GROUND)),
+    Parameter('drone', '', "address of the drone's computer, needed on the ground only"),
     Parameter(
         'ground',
         '',
-        'address of the ground; any if empty (on the drone only)',
+        'address of the ground computer; any address if empty; on the drone only',
     ),
-    Parameter('port', 7447, 'UDP port of the drone', '', 1024, 65535),
+    Parameter('port', 7447, "UDP port of the drone's computer", '', 1024, 65535),
     Parameter(
-        'address', '0.0.0.0', "address at which the drone's host listens (on the drone only)"
+        'address',
+        '0.0.0.0',
+        "network address at which the drone's computer receives; on the drone only",
     ),
     Parameter(
         'key_file',
         '~/.config/aerarm/ground_link.key',
-        "file of the shared key, identical on both hosts; the drone's node creates a missing file",
+        'file with the shared key, identical on both computers; the node on the drone creates a '
+        'missing file',
     ),
-    Parameter('rate', 50.0, 'publishing rate of joint states on the ground host', 'Hz', 0.1, 50.0),
+    Parameter(
+        'rate', 50.0, 'publishing rate of joint states on the ground computer', 'Hz', 0.1, 50.0
+    ),
     Parameter(
         'values_rate',
         10.0,
-        'publishing rate of all other topics on the ground host',
+        'publishing rate of all other topics on the ground computer',
         'Hz',
         0.1,
         50.0,
     ),
-    Parameter('rates', [''], 'rates of individual topics, each as NAME=HZ'),
+    Parameter(
+        'rates', [''], 'publishing rates of single topics on the ground computer, each as NAME=HZ'
+    ),
     Parameter(
         'ground_timeout',
         0.0,
-        'silence of the ground host after which ground_lost applies; 0 switches it off',
+        'time without messages from the ground after which ground_lost applies; 0 for never',
         's',
         0.0,
         3600.0,
@@ -67,15 +74,20 @@ PARAMETERS = ParameterTable(
     Parameter(
         'ground_lost',
         STOP,
-        "reaction to the loss of the ground host: 'continue' the motion, 'stop' along "
-        "its path, or return 'home'",
+        "reaction of the arm if messages from the ground stop: 'continue' the motion, 'stop' along "
+        "the path, or return 'home'",
         choices=(CONTINUE, STOP, HOME),
     ),
-    Parameter('bags', '~/aerarm_bags', 'on the drone: folder for bags that the ground requests'),
+    Parameter(
+        'bags',
+        '~/aerarm_bags',
+        'folder on the drone for bags that the ground computer requests; on the drone only',
+    ),
     Parameter(
         'fetch_rate',
         4.0,
-        'on the ground: largest data rate of the fetch of a bag; lower if the radio is slower',
+        'largest data rate at which a bag is copied to the ground; must be below the data rate of '
+        'the radio; on the ground only',
         'Mbit/s',
         0.05,
         50.0,
@@ -86,7 +98,7 @@ PARAMETERS = ParameterTable(
 
 
 class GroundLink:
-    """Drone end or ground end of the connection.
+    """Node on one end of the connection, on the drone or on the ground.
 
     Attributes
     ----------
@@ -109,14 +121,15 @@ class GroundLink:
         if is_drone and not path.exists():
             make_key(path)
             self._node.get_logger().info(
-                f'created the shared key {path}: copy it to the same path on the ground host'
+                f'the shared key {path} was created: copy this file to the same path on the ground '
+                'computer'
             )
         key = read_key(path)
         self._end = (DroneEnd if is_drone else GroundEnd)(self._node, values, key)
 
     def run(self) -> None:
-        """Relay messages until stopped."""
-        # A publisher must not wait for a new subscriber while an e-stop waits for it.
+        """Relay messages until a stop signal."""
+        # Without PortWatch a publisher could wait for a new subscriber and delay an e-stop.
         with StopSignals(self._stop), PortWatch(), BackgroundExecutor(self._node):
             prepare_thread(self._values, self._node.get_logger())
             while not self._is_over and rclpy.ok():

@@ -1,4 +1,4 @@
-"""Bridge between the boards and ROS: exchange one SPI frame with every board per millisecond."""
+"""Bridge between boards and ROS: exchange one SPI frame with each board every millisecond."""
 
 from __future__ import annotations
 

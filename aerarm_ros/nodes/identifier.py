@@ -1,7 +1,7 @@
 """Identify an arm's dynamic parameters from recorded motion.
 
-The identifier reads JointState bags of any serial arm and needs no running ROS. The identifier
-writes estimate.yaml, identified.urdf, summary.json and report.html.
+The identifier reads bags with joint states of any serial arm and needs no running ROS. It writes
+estimate.yaml, identified.urdf, summary.json and report.html.
 """
 
 from __future__ import annotations
@@ -25,23 +25,20 @@ if TYPE_CHECKING:
     from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
 _NAME = 'identifier'
-_NOT_KEPT = 1  # exit status if --verify finds a limit exceeded
+_LIMIT_EXCEEDED = 1  # exit status if a value exceeds its limit of --verify
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the identifier; return 0, 1 if --verify fails, or 2 if the user must check an input."""
+    """Run the identifier; return 0, 1 if --verify fails, or 2 if an input is invalid."""
     parser = identifier_parser(_NAME, __doc__)
     options = parser.parse_args(without_ros_arguments(arguments))
     if not (options.bag or options.model or options.compare or options.each):
-        parser.error(
-            'the following arguments are required: --bag, or --each, or --model and '
-            '--payload, or --compare'
-        )
+        parser.error('no input: pass --bag, or --each, or --model with --payload, or --compare')
     return run_offline(_NAME, lambda: _run(options))
 
 
 def _program(options: argparse.Namespace) -> IdentifierRun | CompareRun | FleetRun:
-    # Each program imports only its own parts.
+    # Only the modules of the requested program are imported.
     if options.compare:
         from aerarm_ros.ros.programs.identifier_compare import CompareRun
 
@@ -69,8 +66,10 @@ def _run(options: argparse.Namespace) -> int:
     except (BagError, ConfigError, DescriptionError, IdentificationError, OSError) as error:
         return _report(error)
     except np.linalg.LinAlgError as error:
-        return _report(f'{error}: check that masses, inertias and joint states are plausible')
-    return 0 if run.passed else _NOT_KEPT
+        return _report(
+            f'{error}: check that masses and inertias of the URDF and joint states are plausible'
+        )
+    return 0 if run.passed else _LIMIT_EXCEEDED
 
 
 def _report(error: object) -> int:

@@ -1,9 +1,9 @@
-"""Plan motions from the arm's present configuration to goals, and send them to the controller.
+"""Plan optimal motions from the arm's present posture to goals, and send them to the controller.
 
-A goal is a `sensor_msgs/JointState` with positions on `joint_goal`, or a
-`geometry_msgs/PointStamped` with the tool's position on `tool_goal`. The node publishes the
-planned motion on `joint_trajectory`. The node publishes the result of planning on `plan_status`,
-as a JSON object with the stamps of goal and trajectory.
+A goal is a `sensor_msgs/JointState` with joint positions on `joint_goal`, or a
+`geometry_msgs/PointStamped` with the position of the tool on `tool_goal`. The node publishes the
+planned motion on `joint_trajectory`. It publishes the result of planning on `plan_status`, as a
+JSON object with the stamps of goal and trajectory.
 """
 
 from __future__ import annotations
@@ -55,39 +55,42 @@ from aerarm_ros.ros.states.state_stream import StateSampler
 
 _SETTINGS = (
     Parameter('objective', ENERGY, (
-        'objective: energy, time (shortest duration), disturbance (least peak moment on the base), '
-        'or quintic (straight line in joint space, for comparison)'
+        'quantity that the motion minimizes: energy, time, disturbance (peak moment on the base), '
+        'or none (quintic: a straight line in joint space, for comparison)'
     ), choices=OBJECTIVES, live=True),
     Parameter('duration', 2.0,
-        'duration of a motion; 0 for the optimal duration', 's', 0.0, 60.0, live=True),
+        'duration of each motion; 0 for the optimal duration', 's', 0.0, 60.0, live=True),
     Parameter('time_price', 10.0,
-        'cost of one second of a free duration, for example the hover power of the drone',
+        'cost of each second of the motion if duration is 0, for example the hover power of the '
+        'drone',
         'W', 0.0, 1e5, live=True),
     Parameter('smoothness', 0.03, (
-        'weight of the squared acceleration, scaled by inertia for light joints; it makes joints '
-        'move evenly if their motion costs no energy'
+        'weight of the squared joint accelerations in the objective, scaled by inertia for light '
+        'joints; joints whose motion costs no energy then move evenly'
     ),
               'J s^3/rad^2', 0.0, 100.0, live=True),
     Parameter('disturbance_price', 0.0,
-        'weight of the reaction moment on the base, relative to energy; 3 balances the two',
+        'weight of the reaction moment on the base in the objective, relative to energy; 3 '
+        'balances both',
         'J/(Nm)^2/s', 0.0, 1e6, live=True),
     Parameter('velocity_share', 0.9,
-        'usable fraction of the velocity and acceleration limits', '', 0.01,
+        'fraction of the velocity and acceleration limits that a motion may use', '', 0.01,
               1.0, live=True),
     Parameter('effort_share', 0.8,
-        'usable fraction of the torque and current limits', '', 0.01, 1.0,
+        'fraction of the torque and current limits that a motion may use', '', 0.01, 1.0,
               live=True),
 )  # fmt: skip
 
 PLANNER_PARAMETERS = (
     *_SETTINGS,
-    Parameter('frame', 'tool0', 'link that a tool goal refers to'),
+    Parameter('frame', 'tool0', 'link whose position a tool goal specifies'),
     Parameter('hold_time', 5.0,
-        'hold time at a tool goal; a longer time increases the weight of the holding torque',
+        'time for which the arm holds a tool goal; with a longer time the planner prefers goal '
+        'postures with little holding torque',
         's', 0.0, 3600.0, live=True),
     Parameter('lead', 0.0,
-        'delay from the newest state to the start of a motion; 0 to start when the controller '
-        'receives it',
+        'time from the newest joint state to the start of the motion; 0 to start the motion when '
+        'the controller receives it',
               's', 0.0, 10.0, live=True),
     *ENERGY_PARAMETERS,
     *ARM_FILES,
@@ -114,12 +117,12 @@ def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Mo
 NAME = 'motion_planner'
 PARAMETERS = ParameterTable(*PLANNER_PARAMETERS)
 
-_PERIOD = 0.02  # [s] period of checks for a goal
-_AT_REST = 0.05  # [rad/s]
+_PERIOD = 0.02  # [s] between two checks for a new goal
+_REST_SPEED = 0.05  # [rad/s] a faster joint moves
 
 
 class MotionPlannerNode:
-    """Receive goals, plan with `MotionPlanner` and publish trajectories.
+    """Receive goals, plan motions with `MotionPlanner`, and publish them as trajectories.
 
     Attributes
     ----------
@@ -160,7 +163,7 @@ class MotionPlannerNode:
         self._loop = PeriodicLoop(_PERIOD)
 
     def run(self) -> None:
-        """Plan motions until stopped."""
+        """Plan motions until a stop signal."""
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 
@@ -176,7 +179,10 @@ class MotionPlannerNode:
     def _on_joint_goal(self, message: JointState) -> None:
         self._limits.order(list(message.name))
         if len(message.position) != self._limits.n:
-            raise PlanError(f'joint goal rejected: it must have {self._limits.n} positions')
+            raise PlanError(
+                f'joint goal rejected, because it has {len(message.position)} positions: set '
+                f'{self._limits.n} positions, one per joint'
+            )
         goal = np.array(message.position)[self._limits.order(list(message.name))]
         self._send(self._planner.plan(self._start(), goal))
 
@@ -184,7 +190,8 @@ class MotionPlannerNode:
         frame = message.header.frame_id
         if frame not in ('', self._base):
             raise PlanError(
-                f'tool goal rejected: its frame is {frame!r}; send it in {self._base!r}'
+                f'tool goal rejected, because its frame is {frame!r}: send the goal in the frame '
+                f'{self._base!r}'
             )
         point, values = message.point, self._values
         place = [point.x, point.y, point.z]
@@ -192,28 +199,28 @@ class MotionPlannerNode:
         self._send(planner.plan_tool(self._start(), place, values.frame, values.hold_time))
 
     def _start(self) -> Array:
-        # Read the state after the goal arrived: the client saw the arm at rest before sending the
-        # goal.
+        # Read a joint state newer than the goal, because clients send a goal after the arm has come
+        # to rest.
         newest = self._states.newest()
         self._state = self._state if newest is None else newest
         if self._state is None:
             missing = ', '.join(self._states.missing)
             raise PlanError(
-                f'joint_states lacks {missing}: check config and tf_prefix'
+                f'joint_states contains no {missing}: check the parameters config and tf_prefix'
                 if missing
                 else 'no joint_states received: start the bridge'
             )
         q, dq, _ = self._state
         speed = float(np.nanmax(np.abs(dq), initial=0.0))
-        if speed > _AT_REST:
+        if speed > _REST_SPEED:
             raise PlanError(
-                f'the arm moves at {speed:.2f} rad/s, but motions start from rest: wait '
-                'until it rests'
+                f'goal rejected, because the arm moves at {speed:.2f} rad/s and a planned motion '
+                'starts from rest: send the goal again when the arm rests'
             )
         return np.array(q)
 
     def _send(self, plan: MotionPlan) -> None:
-        self._states.newest()  # Planning took time.
+        self._states.newest()  # the newest stamp after planning
         lead_ns = round(self._values.lead * 1e9)
         begin_ns = self._states.stamp_ns + lead_ns if lead_ns else 0
         message = trajectory_message(plan.path, self._names, begin_ns)
@@ -231,7 +238,7 @@ class MotionPlannerNode:
 
     def _refuse(self, reason: str) -> None:
         self._publish_status(accepted=False, text=reason)
-        self._node.get_logger().warning(f'no plan: {reason}')
+        self._node.get_logger().warning(f'no motion planned: {reason}')
 
     def _publish_status(self, **values: object) -> None:
         status = {'asked': [self._asked.sec, self._asked.nanosec], **values}

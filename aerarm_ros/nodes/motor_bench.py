@@ -1,4 +1,4 @@
-"""Measure friction, inertia, torque constant, resistance and backlash of the drives, thesis 4.4.
+"""Measure friction, inertia, torque constant, resistance and backlash of each drive, thesis 4.4.
 
 Usage: ros2 run aerarm_ros motor_bench --ros-args -p joints:="[joint4]" -p out:=DIRECTORY
 """
@@ -54,47 +54,51 @@ NAME = 'motor_bench'
 _PLAN = BenchPlan()
 
 PARAMETERS = ParameterTable(
-    Parameter('joints', [], 'joints to measure, one after the other; all if empty'),
+    Parameter('joints', [], 'joints to measure, one after the other; all joints if empty'),
     Parameter('mounted', True,
         'true if the drives are mounted in the arm; false for bare motors without gravity load'),
     Parameter('posture', [],
-        'centre of the measurement, in joint order; the current configuration if empty',
+        'joint positions about which the joints move, in joint order; the present posture if empty',
         'rad', -6.3, 6.3, element=float),
-    Parameter('speeds', list(_PLAN.speeds), 'speeds of the velocity steps, each in both directions',
+    Parameter('speeds', list(_PLAN.speeds),
+        'speeds at which each joint moves steadily in both directions, to measure friction',
               'rad/s', 1e-3, 50.0),
-    Parameter('span', _PLAN.span, 'range of the motion of a joint, centred at the posture',
+    Parameter('span', _PLAN.span, 'range in which a joint moves, centred at the posture',
               'rad', 0.01, 6.28),
     Parameter('acceleration_share', _PLAN.acceleration_share,
-        'fraction of acceleration_max for ramps and acceleration runs', '', 0.01, 1.0),
+        'fraction of acceleration_max that ramps and acceleration runs use', '', 0.01, 1.0),
     Parameter('runs', _PLAN.runs,
         'number of acceleration runs per joint, each back and forth', '', 0, 100),
     Parameter('swings', _PLAN.swings,
-        'number of sine waves per joint about the posture, to estimate the gear '
-                'backlash; 0 for none',
+        'number of sine waves per joint about the posture, to measure the gear backlash; 0 for '
+        'no measurement',
         '', 0, 1000),
-    Parameter('amplitude', _PLAN.amplitude, 'amplitude of the sine waves', 'rad', 0.01, 3.0),
+    Parameter('amplitude', _PLAN.amplitude,
+        'amplitude of the sine waves of swings', 'rad', 0.01, 3.0),
     Parameter('known_mass', 0.0,
-        'known mass attached to the arm or lever, to measure the torque constants; 0 for none',
+        'known mass on the arm or on the lever, to measure the torque constants; 0 for no mass',
         'kg', 0.0, 100.0),
     Parameter('known_mass_position', [0.0, 0.0, 0.0],
-        "centre of the known mass in the frame of the last link's joint (mounted motors)", 'm',
+        'centre of the known mass in the frame of the last joint, for mounted motors', 'm',
         -5.0, 5.0),
     Parameter('lever', 0.0,
-        'lever arm of the known mass about the horizontal motor shaft (bare motors)', 'm',
+        'distance of the known mass from the horizontal motor shaft, for bare motors', 'm',
         0.0, 5.0),
-    Parameter('without_mass', '', 'motor_bench.yaml of a run without the known mass (mounted '
-        'motors)'),
+    Parameter('without_mass', '', 'file motor_bench.yaml of an earlier run without the known '
+        'mass, for mounted motors'),
     Parameter('link_uncertainty', 0.2,
-        'relative standard deviation of the link inertias in the URDF', '', 0.0, 2.0),
+        'relative standard deviation assumed for the link inertias in the URDF', '', 0.0, 2.0),
     Parameter('resistance_uncertainty', 0.1, (
-        'relative standard deviation of a resistance that the boards report without a voltage '
-        'measurement'
+        'relative standard deviation assumed for the resistance that a board reports, if the board '
+        'does not measure voltage'
     ), '', 0.0, 2.0),
     Parameter('out', '', 'folder for the results; motor_bench_DATE_TIME if empty'),
-    Parameter('position_gain', 1.0, 'gain K of dq_d + K (q_d - q)', '1/s', 0.0, 20.0),
+    Parameter('position_gain', 1.0,
+        'gain K of the commanded velocity dq_d + K (q_d - q)', '1/s', 0.0, 20.0),
     Parameter('tracking_limit', 0.3,
         'position error |q_d - q| at which the node stops the arm', 'rad', 1e-3, 3.0),
-    Parameter('state_timeout', 0.2, 'time limit for the next joint state', 's', 0.005, 10.0),
+    Parameter('state_timeout', 0.2,
+        'time without joint_states after which the node aborts the motion', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0, 'time limit until the arm is ready', 's', 0.1, 3600.0),
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
@@ -104,7 +108,7 @@ PARAMETERS = ParameterTable(
 
 
 class MotorBenchNode:
-    """Move one joint at a time, measure, and write the drives' parameters.
+    """Move one joint at a time, measure the drives, and write their parameters to files.
 
     Attributes
     ----------
@@ -123,7 +127,7 @@ class MotorBenchNode:
         self._values = values = PARAMETERS.declare(self._node)
         self._source = config_path(values.config or None, 'aerarm.yaml')
         arm, self._robot = load_arm(values)
-        # Messages and results use the joint names of the arm's files.
+        # Error messages and results use the joint names of the files, without tf_prefix.
         self._config = load_arm_config(values.config or None)
         names = self._config.joint_names
         self._setup = load_setup(values, arm, self._robot)
@@ -144,7 +148,8 @@ class MotorBenchNode:
         )
         if values.swings and not values.mounted:
             raise ExcitationError(
-                'a bare motor has no load that would reveal the gear backlash: set swings to 0'
+                'a bare motor has no link, which the measurement of the gear backlash needs: set '
+                'swings to 0'
             )
         if len(values.posture) not in (0, len(names)):
             raise ExcitationError(
@@ -213,7 +218,10 @@ class MotorBenchNode:
         if values.known_mass == 0.0:
             return None
         if len(values.known_mass_position) != 3:
-            raise ExcitationError('known_mass_position needs x, y and z [m]')
+            raise ExcitationError(
+                f'known_mass_position has {len(values.known_mass_position)} values: set x, y and z '
+                '[m]'
+            )
         return KnownMass(values.known_mass, tuple(values.known_mass_position), values.lever)
 
     def _record(self, motion: BenchMotion, directory: ResultDirectory) -> BenchRecording:
@@ -261,7 +269,7 @@ class MotorBenchNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the bench; return 0 only if every drive was measured and the results were written."""
+    """Run the node; return 0 if all drives were measured and the results were written."""
     return run_node(NAME, MotorBenchNode, args, PARAMETERS, __doc__)
 
 

@@ -1,12 +1,13 @@
-"""Estimate the arm's payload while it moves: mass, centre and inertia, with standard deviations.
+"""Estimate mass, centre of mass and inertia of the payload that the moving arm carries.
 
-The node receives joint_states at 1 kHz. The node publishes the estimated payload beyond
-`payload.inertial_parameters` on `payload`, and the present friction on `joint_friction`, both at
-50 Hz. The arm must start without further payload and move for one second before an estimate.
+The node receives joint_states at 1 kHz. It publishes the estimated payload on `payload` and the
+estimated friction on `joint_friction`, both at 50 Hz. The estimate does not include a payload of
+`payload.inertial_parameters`. The arm must start without any other payload, and move for one
+second before the first estimate.
 
-Two modes read files and need no running node. With --bag DIR the program estimates the payload in
-recordings (--bag DIR --help lists the options). With --trend FILE it prints the change of friction
-in `friction_file`.
+With --bag DIR the program estimates the payload from recordings (--bag DIR --help lists the
+options). With --trend FILE it prints how the friction in `friction_file` has changed. Both need no
+running ROS.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ from aerarm_ros.ros.states.state_stream import base_header
 
 NAME = 'payload_estimator'
 
-# [s] after the motors hold the arm; in which a person who carried the arm releases it
-_LET_GO = 1.0
-_WRITTEN = 5.0  # [s] between two writes of the friction file
+# [s] after the motors have started to hold the arm; a person who carried it may still touch it.
+_RELEASE_TIME = 1.0
+_WRITE_PERIOD = 5.0  # [s] between two writes of the friction file
 
 PARAMETERS = state_node_parameters(
     *ESTIMATOR_PARAMETERS, *FRICTION_LOG_PARAMETERS, *ENERGY_PARAMETERS
@@ -50,10 +51,10 @@ PARAMETERS = state_node_parameters(
 
 
 class PayloadEstimatorNode(StateNode):
-    """Node that publishes the estimates of `PayloadEstimator` for received joint states."""
+    """Estimate the payload from joint states with `PayloadEstimator`, and publish the estimate."""
 
     answers_every_state = False
-    # Each state has the torque of its cycle; the queue bridges a pause of half a second.
+    # No joint state may be left out; the queue holds the states of half a second.
     states_waiting = 500
 
     def __init__(self) -> None:
@@ -64,8 +65,8 @@ class PayloadEstimatorNode(StateNode):
         values = self.values
         if self.arm.drone is not None and values.base_motion == NONE:
             raise ValueError(
-                "drone_file is set but base_motion is none: set base_motion to 'free', because "
-                'the estimator needs the motion of the flying base'
+                "drone_file is set, but base_motion is 'none': set base_motion to 'free', because "
+                'the estimator needs the motion of the drone'
             )
         self.base = self.arm.measured_base(values)
         self._estimator = PayloadEstimator(
@@ -80,7 +81,7 @@ class PayloadEstimatorNode(StateNode):
         self._held_since: float | None = None
 
     def connect(self) -> None:
-        """Advertise the estimates and subscribe to the bridge's mode."""
+        """Create the publishers of the estimates, and subscribe to the mode of the arm."""
         self._payload = self.advertise(topics.PAYLOAD)
         self._friction = self.advertise(topics.JOINT_FRICTION)
         n, names = self.arm.robot.n, self.arm.config.joint_names
@@ -91,11 +92,11 @@ class PayloadEstimatorNode(StateNode):
             ]
         )
         if self._log is not None:
-            create_steady_timer(self.node, _WRITTEN, self._log.write)
+            create_steady_timer(self.node, _WRITE_PERIOD, self._log.write)
         self.listen(topics.ARM_MODE, self._on_mode)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Process a state, and publish an estimate if there is a new one."""
+        """Process a joint state, and publish the estimate if it is new."""
         now = stamp_ns * 1e-9
         if self._pause(now):
             self._estimator.pause()
@@ -118,7 +119,7 @@ class PayloadEstimatorNode(StateNode):
         return super().warning() or self._estimator.problem or unwritten
 
     def describe(self) -> dict[str, object]:
-        """Return the last valid estimate for diagnostics."""
+        """Return the last valid estimate for /diagnostics."""
         report = {**super().describe(), 'detected changes': self._estimator.changes}
         report |= self._log.describe() if self._log is not None else {}
         estimate = self._estimator.estimate
@@ -147,7 +148,7 @@ class PayloadEstimatorNode(StateNode):
         return FrictionLog(Path(values.friction_file), names, values.friction_interval)
 
     def _pause(self, now: float) -> bool:
-        """Return whether forces other than those of arm and payload act on the joints."""
+        """Return whether the estimator must ignore the torques, because other forces may act."""
         if self.base.problem(now):
             return True
         if self._mode and self._mode not in HELD:
@@ -155,7 +156,7 @@ class PayloadEstimatorNode(StateNode):
             return True
         if self._held_since is None or now < self._held_since:
             self._held_since = now
-        return now - self._held_since < _LET_GO
+        return now - self._held_since < _RELEASE_TIME
 
     def _send(self, stamp_ns: int, estimate: OnlineEstimate) -> None:
         header = base_header(stamp_ns, estimate.payload.link)

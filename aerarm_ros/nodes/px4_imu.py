@@ -1,8 +1,8 @@
-"""Convert PX4's own topics to sensor_msgs/Imu, if px4_msgs is installed.
+"""Convert the sensor topics of PX4 to the topic `imu` (sensor_msgs/Imu); needs px4_msgs.
 
-PX4's uXRCE-DDS bridge uses a forward-right-down body and a north-east-down world. The topic `imu`
-uses a forward-left-up body and an east-north-up world. MAVROS does not need this node: remap its
-topic imu/data.
+PX4's uXRCE-DDS bridge publishes in a forward-right-down body frame and a north-east-down world
+frame. The topic `imu` has a forward-left-up body frame and an east-north-up world frame. With
+MAVROS this node is not needed: remap the MAVROS topic imu/data to imu.
 """
 
 import sys
@@ -28,20 +28,28 @@ from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.arm_clock import ArmClock
 
 NAME = 'px4_imu'
-# [s]; an older attitude is dropped, because a wrong gravity direction is worse than none.
+# [s] An older attitude is not published, because its direction of gravity could be wrong.
 _ATTITUDE_AGE = 0.2
 _SPIN = 0.1  # [s] longest delay until a stop signal takes effect
 PARAMETERS = ParameterTable(
-    Parameter('sensor_topic', '/fmu/out/sensor_combined', 'px4_msgs/SensorCombined'),
-    Parameter('attitude_topic', '/fmu/out/vehicle_attitude', 'px4_msgs/VehicleAttitude'),
+    Parameter(
+        'sensor_topic',
+        '/fmu/out/sensor_combined',
+        'topic with angular velocity and acceleration, of type px4_msgs/SensorCombined',
+    ),
+    Parameter(
+        'attitude_topic',
+        '/fmu/out/vehicle_attitude',
+        'topic with the attitude of the drone, of type px4_msgs/VehicleAttitude',
+    ),
 )
 
 
 class Px4Imu:
-    """Publish `imu` for every SensorCombined, with the newest attitude.
+    """Publish one message on `imu` per SensorCombined message, with the newest attitude.
 
-    Without an attitude for 0.2 s the samples are marked as samples without attitude. /diagnostics
-    shows the number of PX4's messages.
+    If no attitude has arrived for 0.2 s, the messages on `imu` are marked as messages without
+    attitude. /diagnostics contains the numbers of received messages.
 
     Raises
     ------
@@ -52,8 +60,8 @@ class Px4Imu:
     def __init__(self) -> None:
         if find_spec('px4_msgs') is None:
             raise ValueError(
-                'px4_msgs is not installed: build it in the workspace and source it, or use '
-                'MAVROS and remap its imu/data to imu'
+                'px4_msgs is not installed: build px4_msgs in the workspace and source the '
+                'workspace, or use MAVROS and remap its topic imu/data to imu'
             )
         from px4_msgs.msg import SensorCombined, VehicleAttitude
 
@@ -110,7 +118,9 @@ class Px4Imu:
             if count == before
         ]
         self._reported = counts
-        problem = f'no messages on {" and ".join(silent)}: check that the uXRCE-DDS agent runs'
+        problem = (
+            f'no messages received on {" and ".join(silent)}: check that the uXRCE-DDS agent runs'
+        )
         values = {'samples': counts[0], 'attitudes': counts[1]}
         self._diagnostics.report(problem if silent else '', values)
 

@@ -1,4 +1,4 @@
-"""Record the suite's topics into an MCAP bag, as raw bytes at full rate.
+"""Record the topics of the suite into an MCAP bag, at full rate and without conversion.
 
 Usage: ros2 run aerarm_ros recorder --ros-args -p bag:=DIRECTORY
 """
@@ -40,37 +40,37 @@ from aerarm_ros.ros.recording import (
 
 NAME = 'recorder'
 PARAMETERS = ParameterTable(
-    Parameter('bag', '', 'directory of the new bag; recording_DATE_TIME if empty'),
+    Parameter('bag', '', 'folder of the new bag; recording_DATE_TIME if empty'),
     Parameter(
         'topics',
         SUITE_TOPICS,
-        'topics to record: topic names of this suite, or NAME=TYPE for other topics',
+        'topics to record, each as the name of a topic of this suite, or as NAME=TYPE',
     ),
-    Parameter('compression', 'zstd', 'compression of the bag', choices=tuple(COMPRESSIONS)),
+    Parameter('compression', 'zstd', 'compression method of the bag', choices=tuple(COMPRESSIONS)),
     Parameter(
         'depth',
         4000,
-        'queue length per topic',
+        'length of the receive queue of each topic, in messages',
         minimum=10,
         maximum=100_000,
     ),
 )
 
-# Messages are read in batches: waking up for each message of four 1 kHz topics would cost ten
-# times the processor time. The middleware stamps each message at reception.
-_BATCH = 5e-3  # [s]
-_WAIT = 0.1  # [s]
+# The recorder reads messages in batches: waking up for each message of four 1 kHz topics would need
+# ten times the processor time. The middleware stamps each message at reception.
+_BATCH = 5e-3  # [s] between two batches
+_WAIT = 0.1  # [s] longest wait for a message
 _TAKEN_MAX = 1000  # messages of a topic per batch
 _STATUS_PERIOD = 0.1  # [s]
 
 
 class Recorder:
-    """Record a bag and report its state.
+    """Record a bag, and report the state of the recording.
 
-    The latched topic `recorder_status` is a JSON object with `state` (recording, stored, failed),
-    `bag`, and `matched`, the topics whose publisher has been discovered. Other nodes wait for this
-    topic before they start. The numbers of written and lost messages are on /diagnostics, which
-    the bag contains too.
+    Messages on the latched topic `recorder_status` are JSON objects with `state` (recording, stored
+    or failed), `bag`, and `matched`, the topics with a discovered publisher. Other nodes wait for
+    this topic before they start a motion. /diagnostics contains the numbers of written and lost
+    messages; the bag contains /diagnostics too.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Recorder:
             f'recording {len(self._feed.names)} topics into {self._directory}'
         )
         self._publish_status('recording')
-        # Messages of this host come through shared memory.
+        # Messages from this host use shared memory instead of the receive buffer.
         problem = '' if is_on_this_host() else receive_buffer_problem(self._streams)
         if problem:
             self._node.get_logger().warning(problem)
@@ -136,7 +136,7 @@ class Recorder:
         try:
             self._feed.complete()
         except BagError as error:
-            if self.status == 0:  # not reported yet
+            if self.status == 0:  # the error has not been reported yet
                 print(f'{NAME}: {error}', file=sys.stderr)
             self.status = 1
         self._feed.destroy()
@@ -167,12 +167,12 @@ class Recorder:
             self._node.get_logger().info(f'publishers found: {", ".join(matched) or "none"}')
 
     def _warn(self, matched: list[int]) -> None:
-        """Warn of topics that the bag will lack or contain twice."""
+        """Log warnings about topics without a publisher, and with several publishers."""
         for text in filter(None, [*self._check.news(matched), self._sources.news()]):
             self._node.get_logger().warning(text)
 
     def _publish_recorded_until(self) -> None:
-        """Publish the stamp of the newest joint state, for which an emulated world waits."""
+        """Publish the stamp of the newest recorded joint state; an emulated world waits for it."""
         until = self._feed.until()
         if until:
             self._until.publish(until)
@@ -182,23 +182,23 @@ class Recorder:
         self._status_publisher.publish(String(data=json.dumps(content)))
 
     def _report(self) -> None:
-        """Publish the recording's state on /diagnostics, and log new losses."""
+        """Publish the state of the recording on /diagnostics, and log newly lost messages."""
         counts = self._feed.message_counts()
         for news in self._losses.news():
             self._node.get_logger().warning(news)
         losing = {name: lost for name, (_, lost) in counts.items() if lost}
         names = ', '.join(losing)
         last = self._losses.last
-        problem = f'lost {sum(losing.values())} messages of {names}'
+        problem = f'{sum(losing.values())} messages of {names} were lost'
         if last is not None:
-            problem += f', last cause: {last.cause}'
+            problem += f'; cause of the last loss: {last.cause}'
         messages, size = self._feed.written()
         values = {
             'bag': self._directory,
             'messages written': messages,
             'messages lost': self._feed.total_lost(),
             'messages waiting for the disk': self._feed.waiting,
-            'nothing received of': ', '.join(self._feed.silent()) or 'none',
+            'topics without a message': ', '.join(self._feed.silent()) or 'none',
             'bytes written': size,
         }
         self._diagnostics.report(problem if losing else '', values)
@@ -210,7 +210,7 @@ class Recorder:
         for name, (count, lost) in counts.items():
             self._log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost', lost)
         for name in self._feed.silent():
-            self._log(f'{name}: 0 messages: its publisher sent nothing, or all were lost', None)
+            self._log(f'{name}: 0 messages, because the publisher sent none or all were lost', None)
         if not counts.keys() - {self._own}:
             self._node.get_logger().warning(
                 'no messages received: check that a bridge runs in this ROS domain (ROS_DOMAIN_ID)'
@@ -220,7 +220,7 @@ class Recorder:
         self._log(f'{self._directory}: {count} messages, {total} lost', total)
 
     def _log(self, text: str, lost: object) -> None:
-        # rclpy fixes the severity of each line of code that logs.
+        # rclpy requires that one line of code always logs with the same severity.
         if lost in (0, None, 'at least 0'):
             self._node.get_logger().info(text)
         else:

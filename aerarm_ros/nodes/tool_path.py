@@ -1,4 +1,4 @@
-"""Publish the path of the tool as nav_msgs/Path, for RViz and Foxglove.
+"""Publish the path that the tool has moved along as nav_msgs/Path, for RViz and Foxglove.
 
 Usage: ros2 run aerarm_ros tool_path
 """
@@ -33,20 +33,22 @@ PARAMETERS = ParameterTable(
     Parameter(
         'rate',
         10.0,
-        'sampling rate of the tool position; the node publishes the path after each '
-        'motion of the tool',
+        'rate at which the node reads the tool position; it publishes the path if the tool has '
+        'moved',
         'Hz',
         0.1,
         50.0,
     ),
-    Parameter('length', 500, 'points kept', '', 2, 10000),
-    Parameter('distance', 0.002, 'distance between points of the path', 'm', 1e-4, 1.0),
+    Parameter('length', 500, 'largest number of points in the published path', '', 2, 10000),
+    Parameter(
+        'distance', 0.002, 'smallest distance between two points of the path', 'm', 1e-4, 1.0
+    ),
     *ARM_FILES,
 )
 
 
 class ToolPath:
-    """Sample the joint states and publish the latest points of the tool.
+    """Compute tool positions from joint states, and publish the newest of them as a path.
 
     Attributes
     ----------
@@ -75,7 +77,7 @@ class ToolPath:
         self._loop = PeriodicLoop(1.0 / values.rate)
 
     def run(self) -> None:
-        """Publish the tool's path until stopped."""
+        """Publish the path of the tool until a stop signal."""
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 

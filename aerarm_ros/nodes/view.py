@@ -1,6 +1,6 @@
-"""Show the running arm in a browser, with buttons to stop, enable, move, record and play.
+"""Serve a web page that shows the arm, with buttons to stop, enable, move, record and play.
 
-Usage: ros2 run aerarm_ros view, then open the address it prints.
+Usage: run `ros2 run aerarm_ros view`, then open the printed address in a browser.
 """
 
 from __future__ import annotations
@@ -39,31 +39,33 @@ from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.requests.arm_client import BRIDGES_PARAMETER
 
 NAME = 'view'
-# The scene is updated in every cycle, text and plots in every third.
+# The node updates the scene in each cycle, text and plots in each third cycle.
 TEXT_EVERY = 3
 
 PARAMETERS = ParameterTable(
     Parameter('host', '127.0.0.1', (
-        'address of the page server; any address other than the local host opens the page to the '
-        'network and requires the token in the printed URL'
+        'network address at which the page is served. Any address except that of the local host '
+        'opens the page to the network, and the page then requires the token in the printed URL'
     )),
-    Parameter('port', 8080, 'first TCP port to try', '', 1, 65535),
+    Parameter('port', 8080, 'TCP port of the page; the next free port if it is in use', '', 1,
+        65535),
     BRIDGES_PARAMETER,
     Parameter('folder', '.', 'folder for recorded bags and for trajectories to play'),
     Parameter('rate', 30.0, 'frame rate of the 3-D view', 'Hz', 1.0, 100.0),
-    Parameter('history', 10.0, 'time range of the plots', 's', 1.0, 120.0),
-    Parameter('tool', 'tool0', 'link whose path is drawn; the last link of the URDF if empty'),
+    Parameter('history', 10.0, 'time range that the plots show', 's', 1.0, 120.0),
+    Parameter('tool', 'tool0',
+        'link whose path the 3-D view shows; the last link of the URDF if empty'),
     *ARM_FILES,
     DRONE_FILE,
 )  # fmt: skip
 
 
 class ViewError(ValueError):
-    """The page cannot be served; the message states the recovery hint."""
+    """Error if the page cannot be served; the message states what to do."""
 
 
 class View:
-    """Display the arm's topics on a web page at a display rate.
+    """Display the topics of the arm on a web page.
 
     Attributes
     ----------
@@ -81,7 +83,7 @@ class View:
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
         config, robot = load_arm(values)
-        base = robot.base_link  # base link of the arm, even under a drone
+        base = robot.base_link  # of the arm, because under a drone the drone is the root link
         drone = load_drone(values, config, robot)
         if drone is not None:
             text = with_drone(robot.urdf_text, drone, robot.prefix)
@@ -119,13 +121,14 @@ class View:
         self._serve(robot, base)
 
     def run(self) -> None:
-        """Update the page until stopped."""
+        """Update the page until a stop signal."""
         address = self._guard.address(self._values.host, self._server.get_port())
-        # Printed, because the log is published and stored, and the address may contain a token.
+        # Printed instead of logged: the log is published and stored, and the address may contain a
+        # token.
         print(f'{NAME}: open {address} in a browser', flush=True)
         if not is_loopback(self._values.host):
             self._node.get_logger().warning(
-                'the page is open to the network: every holder of its URL can move the arm'
+                'the page is open to the network: every person with its URL can move the arm'
             )
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
@@ -150,7 +153,7 @@ class View:
         except ImportError as error:
             raise ViewError(f"{error}: install it with pip install 'viser>=1.1,<2'") from None
         _check_address(self._values.host)
-        # A browser's spare connections are not errors, and the address is printed below.
+        # Unused connections of a browser are not errors, and `run` prints the address.
         logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
         self._guard = PageGuard.for_host(self._values.host)
         try:
@@ -160,7 +163,7 @@ class View:
                 )
         except PageError as error:
             raise ViewError(str(error)) from None
-        # The stop button appears first, because the rest takes longer to load.
+        # The stop button is created first, because the other elements take longer to load.
         self._panel = ViewPanel(self._server, self._name, self._requests.ask)
         self._scene = ViewScene(self._server, robot, self._values.tool, base)
         limits = self._limits['position']
@@ -193,7 +196,8 @@ class View:
             self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
 
     def _update(self, now_ns: int, index: int) -> None:
-        # One message, because waking the server's thread costs more than the update itself.
+        # One message for all changes, because waking the server's thread takes longer than the
+        # update.
         with self._server.atomic():
             self._show_all(now_ns * 1e-9, index)
 
@@ -240,7 +244,7 @@ class View:
             self._diagnostics.add(status.name, ViewStatus(level, status.message, values, now))
 
     def _show_rejection(self, name: str, values: Mapping[str, str]) -> None:
-        """Show once why a controller rejected its input."""
+        """Show the reason of a controller's last rejection once after each new rejection."""
         count = values.get('rejected inputs')
         before = self._rejections.get(name)
         if count is not None:
@@ -250,15 +254,15 @@ class View:
 
 
 def _check_address(host: str) -> None:
-    """Raise ViewError if no server can use the address: viser would wait for ever."""
+    """Raise ViewError if no server can use the address, because viser would then wait for ever."""
     try:
         family, kind, _, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind) as probe:
             probe.bind(address)
     except OSError as error:
         raise ViewError(
-            f'cannot serve the page at host {host}: {error.strerror or error}; set host to '
-            '127.0.0.1, 0.0.0.0 or an address of this computer'
+            f'the page cannot be served at the address {host} ({error.strerror or error}): set the '
+            'parameter host to 127.0.0.1, 0.0.0.0 or an address of this computer'
         ) from None
 
 

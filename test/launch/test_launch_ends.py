@@ -97,12 +97,12 @@ def launched(start: Callable[..., Launched]) -> Launched:
         (
             'bringup',
             'params_file:=/nowhere.yaml',
-            ('the file /nowhere.yaml of params_file does not exist'),
+            ('the file /nowhere.yaml (argument params_file) does not exist'),
         ),
         (
             'bringup',
             'plant_urdf:=/nowhere.urdf',
-            'the file /nowhere.urdf of plant_urdf does not exist',
+            'the file /nowhere.urdf (argument plant_urdf) does not exist',
         ),
         ('identification', 'trajectory:=/nowhere.yaml', 'the file /nowhere.yaml of'),
         ('motor_bench', 'excitation_config:=/nowhere.yaml', 'the file /nowhere.yaml of'),

@@ -38,11 +38,11 @@ def test_packaged_requirements_are_met() -> None:
 def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
     path = tmp_path / 'given'
     assert missing({**GIVEN, name: str(path)}) == [
-        (f'the file {path} of {name} does not exist: check the path')
+        (f'the file {path} (argument {name}) does not exist: check the path')
     ]
     path.mkdir()
     assert missing({**GIVEN, name: str(path)}) == [
-        f'the file {path} of {name} does not exist: check the path'
+        f'the file {path} (argument {name}) does not exist: check the path'
     ]
     path.rmdir()
     path.touch()
@@ -50,7 +50,9 @@ def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
     path.chmod(0)
     readable = os.access(path, os.R_OK)  # it is for root
     assert missing({**GIVEN, name: str(path)}) == (
-        [] if readable else [f'the file {path} of {name} is not readable: check its permissions']
+        []
+        if readable
+        else [f'the file {path} (argument {name}) is not readable: check its permissions']
     )
 
 
@@ -86,7 +88,7 @@ def test_a_result_that_is_missing_is_not_a_packaged_file(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert missing({**GIVEN, name: 'aerarm.urdf'}) == [
-        f'the file aerarm.urdf of {name} does not exist: check the path'
+        f'the file aerarm.urdf (argument {name}) does not exist: check the path'
     ]
 
 
@@ -98,7 +100,7 @@ def test_a_prefix_is_looked_at_before_anything_starts() -> None:
 
 def test_a_free_base_needs_a_drone() -> None:
     (problem,) = missing({**GIVEN, 'base_motion': 'free'})
-    assert problem.startswith('drone_file is missing')
+    assert problem.startswith('base_motion:=free needs a drone file')
     assert missing({**GIVEN, 'base_motion': 'free', 'drone_file': "''"}) == [problem]
     drone = str(resource('config', 'drone.yaml'))
     assert missing({**GIVEN, 'base_motion': 'free', 'drone_file': drone}) == []

@@ -21,7 +21,7 @@ def options(*arguments: str) -> argparse.Namespace:
 
 def test_a_marker_normal_needs_a_camera(ros_node: Node) -> None:
     arm = CalibrateArm(ros_node, options('--marker-normal', '0', '0', '1'))
-    with pytest.raises(ArmClientError, match='--marker-normal needs --camera'):
+    with pytest.raises(ArmClientError, match='--marker-normal needs the position of the camera'):
         arm.run()
 
 

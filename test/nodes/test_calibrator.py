@@ -81,7 +81,7 @@ def test_without_a_configuration_the_offsets_are_in_the_urdf(
         ('swap', (), 'markers marker1 and marker2 are swapped'),
         ('few', (), 'only 4 postures have measurements'),
         ('', ('--link', 'wing'), 'link wing (--link) is unknown'),
-        ('', ('--holdout', '2'), '--holdout 2 must lie in 0 .. 1'),
+        ('', ('--holdout', '2'), '--holdout 2 is invalid: pass a fraction'),
         ('none', (), 'check the path'),
         ('nan', (), 'row 3 has no position of joint joint2'),
         ('empty', (), 'must name the columns'),
@@ -144,7 +144,7 @@ def test_from_the_ride_of_an_emulated_arm_to_a_bridge_with_its_offsets(
     assert 'sensors: /mocap/marker1, /mocap/marker2' in ride.stderr
     done = run('calibrator', '--bag', bag, '--out', out)
     assert done.returncode == 0, done.stderr
-    assert '14 postures at rest' in done.stderr
+    assert 'the arm rests in 14 postures' in done.stderr
     figures = json.loads((out / 'summary.json').read_text())
     assert figures['errors']['training']['after_mm'] < 0.5
 

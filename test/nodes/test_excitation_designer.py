@@ -45,8 +45,8 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
     ('arguments', 'message'),
     [
         (['--fundamental', '0.07'], 'pass 14.2857 s or 28.5714 s'),
-        (['--fundamental', '-1'], 'fundamental must be positive'),
-        (['--duration', 'inf'], 'duration must be positive'),
+        (['--fundamental', '-1'], '--fundamental -1 is invalid'),
+        (['--duration', 'inf'], '--duration inf is invalid'),
         (['--harmonics', '200'], 'highest_frequency of the excitation configuration'),
         (['--harmonics', '6000'], '500 Hz (half the control rate'),
         (['--harmonics', '0'], 'at least one harmonic'),
@@ -55,15 +55,15 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
         (['--bias', 'nan', '1.5', '0', '0'], 'bias of joint1 must be a finite number'),
         (['--bias', '0', '0'], 'bias has 2 values'),
         (['--amplitude', 'nan'], 'amplitude must be positive'),
-        (['--torque-noise', '0'], 'torque noise must be positive'),
+        (['--torque-noise', '0'], '--torque-noise'),
         (['--urdf', 'missing.urdf'], 'missing.urdf'),
         (['--out', '/nowhere/best.yaml'], '/nowhere/best.yaml cannot be written'),
         (['--preview', '/nowhere/best.html'], '/nowhere/best.html cannot be written'),
-        (['--out', '/tmp'], 'it is a folder'),
+        (['--out', '/tmp'], 'is a folder'),
         (['--amplitude', '100'], 'all of the amplitude 100 rad is feasible'),
-        (['--starts', '0'], 'at least one start'),
-        (['--time-limit', 'nan'], 'time limit must be positive'),
-        (['--time-limit', '1e-6'], 'no files were written'),
+        (['--starts', '0'], '--starts 0'),
+        (['--time-limit', 'nan'], '--time-limit nan is invalid'),
+        (['--time-limit', '1e-6'], 'so it wrote no files'),
         (
             ['--acceleration-limit', '3'],
             '--acceleration-limit cannot be combined with',
@@ -100,13 +100,13 @@ def test_files_that_exist_are_replaced_on_request_only(
     out, page = tmp_path / 'best.yaml', tmp_path / 'best.html'
     arguments = [*SMALL, '--out', str(out), '--preview', str(page), '--validation']
     assert main(arguments) == 2
-    assert f'/{name} exists: name another with {option}, or pass --overwrite' in (
+    assert f'/{name} already exists: name another file with {option}, or pass --overwrite' in (
         capsys.readouterr().err
     )
     assert [path.read_text() for path in tmp_path.iterdir()] == ['mine']
     # The trial of the folder is the same with it; the search itself is left out.
     assert main([*arguments, '--overwrite', '--time-limit', '1e-6']) == 2
-    assert 'no files were written' in capsys.readouterr().err
+    assert 'so it wrote no files' in capsys.readouterr().err
 
 
 def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatch) -> None:
@@ -118,8 +118,11 @@ def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatc
     monkeypatch.setattr(design_run, 'design_all', stopped)
     assert main([*SMALL, '--out', str(tmp_path / 'best.yaml')]) == 0
     printed = capsys.readouterr().out
-    assert 'start 0 stopped after 37 s, its part of --time-limit: pass a larger limit' in printed
-    assert 'no start improved on a random trajectory: give more time with --time-limit' in printed
+    assert (
+        'start 0 stopped after 37 s, when its part of --time-limit was over: pass a larger limit'
+        in printed
+    )
+    assert 'found no better trajectory than a random one: pass a larger --time-limit' in printed
     assert 'exceeds' not in printed
 
 
@@ -155,7 +158,7 @@ def test_other_arms_by_the_defaults(
     best = TrajectoryFile.load(out)
     assert best.made_with['margins']['acceleration']['allowed'] == 9.0
     printed = capsys.readouterr().out
-    assert 'exceeds its limit of 26; ' in printed
+    assert 'exceeds its limit of 26 (--condition-limit); ' in printed
     assert 'the limit of motor current' in printed
     assert 'close together by design' in printed
 
@@ -184,8 +187,8 @@ def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
         process.kill()
     assert process.returncode == 130
     assert error == (
-        'excitation_designer: stopped before the designer found a feasible trajectory: '
-        'no files were written\n'
+        'excitation_designer: the user stopped the search before the designer found a feasible '
+        'trajectory, so it wrote no files: pass a larger --time-limit or a smaller --amplitude\n'
     )
     assert not out.exists()
 
@@ -208,5 +211,5 @@ def test_a_stop_keeps_the_best_so_far(tmp_path: Path) -> None:
     finally:
         process.kill()
     assert process.returncode == 0
-    assert 'stopped, so the best trajectory so far is the result' in printed
+    assert 'the user stopped the search; the output file contains the best' in printed
     assert TrajectoryFile.load(out).joint_names == ('joint1', 'joint2', 'joint3', 'joint4')

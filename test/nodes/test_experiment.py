@@ -170,7 +170,7 @@ def test_a_missing_model_is_one_clear_line(tmp_path, capsys) -> None:
 @pytest.mark.parametrize(
     ('arguments', 'text'),
     [
-        (['--only', 'nothing'], "no run name contains 'nothing' (--only): choose from"),
+        (['--only', 'nothing'], "no case has a name that contains --only 'nothing': choose from"),
         (['--out', '/proc/experiment'], '/proc/experiment'),
     ],
 )

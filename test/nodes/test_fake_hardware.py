@@ -201,7 +201,7 @@ def test_everything_is_stamped_by_the_system_clock(
     now = time.time()
     stamp = client.states[-1].header.stamp
     assert [stamp.sec, client.diagnosed] == pytest.approx([now, now], abs=20.0)
-    assert process.tail(50).count('use_sim_time is ignored') == 1
+    assert process.tail(50).count('use_sim_time has no effect') == 1
 
 
 def test_true_parameters_are_written_for_the_report(client: BridgeClient, tmp_path: Path) -> None:

@@ -157,7 +157,7 @@ def test_same_bags_same_bits(bags: Path, run: tuple[str, Path], tmp_path: Path) 
 def test_an_earlier_result_is_replaced_with_a_message(bags: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     arguments = ('--bag', bags / 'identification', '--friction', 'coulomb', '--out', out)
-    for words in ((), (f'identifier: {out}: an earlier result was replaced',)):
+    for words in ((), (f'identifier: {out}: the new result replaced an earlier result',)):
         done = identifier(*arguments)
         assert done.returncode == 0, done.stderr
         assert tuple(line for line in done.stderr.splitlines() if 'replaced' in line) == words

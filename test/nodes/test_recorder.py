@@ -346,14 +346,14 @@ def test_a_stream_of_which_nothing_came_is_counted_as_unknown(start, source, ros
     recorder = start()
     source.wait_until_matched(6)
     source.streams[0].publish(JointStateCdr(JOINTS).pack(1, [0.0] * 4))
-    silent = 'nothing received of'
+    silent = 'topics without a message'
     wanted = '/motor_states, /motor_power, /joint_command'
     assert spin_until(ros_node, lambda: found and values(found[-1])[silent] == wanted, PATIENCE), (
         found[-1:]
     )
     assert values(found[-1])['messages lost'] == 'at least 0'
     assert recorder.stop() == 0
-    assert '/motor_states: 0 messages: its publisher sent nothing' in recorder.tail(30)
+    assert '/motor_states: 0 messages, because the publisher sent none' in recorder.tail(30)
     assert '/joint_states: 0 messages' not in recorder.tail(30)
 
 

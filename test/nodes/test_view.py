@@ -264,4 +264,4 @@ def test_an_address_of_another_computer_is_refused(
     done = run('view', parameters={'port': port, 'host': '192.0.2.1'})
     assert done.returncode == 1
     assert not list(tmp_path.glob('aerarm_*'))
-    assert 'cannot serve the page at host 192.0.2.1' in done.stderr + done.stdout
+    assert 'the page cannot be served at the address 192.0.2.1' in done.stderr + done.stdout

@@ -1,4 +1,4 @@
-"""Follow joint trajectories by computed torque, thesis (2.21), on the host or on the boards."""
+"""Follow joint trajectories with computed-torque control, thesis (2.21)."""
 
 import sys
 from collections.abc import Sequence
@@ -26,8 +26,8 @@ PARAMETERS = controller_parameters(
     Parameter(
         'feedback',
         HOST,
-        "where the position error is fed back: 'host' uses kp and kd (pure torque commands), "
-        "'boards' uses the gains of the bridge",
+        "place of the position feedback. 'host': this node computes the whole torque with kp and "
+        "kd; 'boards': the boards add feedback with the gains of the bridge",
         choices=(HOST, BOARDS),
     ),
     Parameter(
@@ -39,8 +39,8 @@ PARAMETERS = controller_parameters(
     Parameter(
         'command_delay',
         0.0,
-        "delay from a state to the middle of the cycle that applies its command; feedback 'host' "
-        'compensates this delay (0.0015 s at 1 kHz)',
+        'delay from a joint state to the middle of the cycle that applies its command, which '
+        "feedback 'host' compensates (0.0015 s at 1 kHz)",
         's',
         0.0,
         0.02,
@@ -48,25 +48,34 @@ PARAMETERS = controller_parameters(
     Parameter(
         'velocity_lag',
         0.0,
-        "time constant of the boards' velocity low-pass; feedback 'host' compensates this lag "
+        "time constant of the boards' low-pass for the velocity, which feedback 'host' compensates "
         '(0.00159 s for 100 Hz)',
         's',
         0.0,
         0.02,
     ),
-    Parameter('ki', 0.0, 'gain of the error integral; 0 for no integral action', '1/s^3', 0.0, 1e6),
-    Parameter('integral_max', 20.0, 'largest integral action', 'rad/s^2', 0.0, 1e4),
+    Parameter(
+        'ki', 0.0, 'gain of the integral action; 0 for no integral action', '1/s^3', 0.0, 1e6
+    ),
+    Parameter(
+        'integral_max',
+        20.0,
+        'largest joint acceleration that the integral action commands',
+        'rad/s^2',
+        0.0,
+        1e4,
+    ),
 )
 
 
 class ComputedTorqueNode(TrajectoryController):
-    """Trajectory controller with `ComputedTorque` or `BoardComputedTorque`."""
+    """Trajectory controller with the law `ComputedTorque` or `BoardComputedTorque`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and its control loop."""
+        """Create the control law and the control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         integral = None
@@ -87,27 +96,28 @@ class ComputedTorqueNode(TrajectoryController):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Subscribe as `TrajectoryController`, with a reaction that the law can carry out."""
+        """Check that the law can execute `contact_reaction`, then subscribe to the references."""
         self.check_parameter(REACTION, self.values.contact_reaction)
         super().subscribe()
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one gain or one per joint, and a control law that uses it or can comply."""
+        """Raise ValueError for invalid gains, or a value that `feedback` does not permit."""
         is_host = isinstance(self.law, ComputedTorque)
         if name == REACTION and value == Reaction.COMPLY.value and not is_host:
             raise ValueError(
-                "with feedback 'boards' the arm cannot comply: use stop or retreat, or feedback "
-                "'host'"
+                "with feedback 'boards' the arm cannot comply: set contact_reaction to stop or "
+                "retreat, or set feedback to 'host'"
             )
         if name in ('kp', 'kd'):
             if not is_host:
                 raise ValueError(
-                    "with feedback 'boards', set the gains as parameters of the bridge"
+                    "kp and kd have no effect with feedback 'boards': set the gains of the bridge "
+                    "instead, or set feedback to 'host'"
                 )
             non_negative(name, scalar_or_array(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Return the progress of the motion and, under a drone, the tolerated command delay."""
+        """Return values for /diagnostics; under a drone also the largest stable command delay."""
         values = super().describe()
         if self.arm.drone is not None and isinstance(self.law, ComputedTorque):
             gains = zip(self.law.kp.tolist(), self.law.kd.tolist(), strict=True)

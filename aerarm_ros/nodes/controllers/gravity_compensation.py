@@ -1,7 +1,7 @@
-"""Hold the arm at set points by gravity compensation, or let a person move the arm.
+"""Follow set points and trajectories with gravity compensation, or let a person move the arm.
 
-The control law is thesis (2.14). Set points arrive on the topic set_point. The parameter
-hand_guiding selects the zero-gain mode.
+The control law is thesis (2.14). Set points arrive on the topic set_point. While the parameter
+hand_guiding is true, the gains are zero, so that a person can move the arm by hand.
 """
 
 import sys
@@ -33,27 +33,32 @@ PARAMETERS = controller_parameters(
     Parameter(
         'hand_guiding',
         False,
-        'hand guiding: the gains fade to zero and a person moves the arm',
+        'fade the gains to zero, so that a person can move the arm by hand',
         live=True,
     ),
     Parameter(
-        'hand_friction', 0.7, 'fraction of friction compensated during hand guiding', '', 0.0, 0.95
+        'hand_friction',
+        0.7,
+        'fraction of the joint friction that the controller compensates during hand guiding',
+        '',
+        0.0,
+        0.95,
     ),
 )
 
 
 class GravityCompensationNode(TrajectoryController):
-    """Controller of set points and trajectories with `GravityCompensation`."""
+    """Trajectory controller with the law `GravityCompensation`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and its control loop."""
+        """Create the control law and the control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
-        # In hand guiding, friction compensation uses the noisy measured velocity, so its zone is
-        # wider.
+        # During hand guiding the friction compensation uses the measured velocity. A larger width
+        # reduces the effect of its noise.
         hand = FrictionCompensation(arm.robot.viscous, arm.robot.coulomb, 0.1, values.hand_friction)
         self.follower = arm.follower(values)
         self.law = GravityCompensation(
@@ -65,19 +70,21 @@ class GravityCompensationNode(TrajectoryController):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def refusal(self) -> str:
-        """Return why the controller accepts no reference while a person moves the arm."""
-        return 'hand_guiding is active: set it to false first' if self.law.hand_guiding else ''
+        """Return why hand guiding excludes trajectories and set points now, or an empty text."""
+        if not self.law.hand_guiding:
+            return ''
+        return 'references are rejected while hand_guiding is true: set hand_guiding to false first'
 
     def ahead(self, times: Array) -> JointReference | None:
         """Return the planned motion at times (M,) [s], None while a person moves the arm."""
         return None if self._was_guided else super().ahead(times)
 
     def before_update(self, state: ArmState, now: float) -> None:
-        """Let the reference follow the arm while a person moves it."""
+        """Make the reference follow the arm while a person moves the arm."""
         guided = self.law.hand_guiding
         self.loop.compensating = not guided
         if guided and self.law.stiffness > 0.0:
-            # The torque of the remaining error fades with the gains.
+            # The torque due to the remaining position error fades with the gains.
             if self.follower.status != 'holding':
                 self.follower.stop(now, 'stopped: hand guiding')
         elif guided or self._was_guided:
@@ -85,19 +92,19 @@ class GravityCompensationNode(TrajectoryController):
         self._was_guided = guided
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change gains, the mode or the reaction to contact."""
+        """Change the gains, hand guiding or the reaction to contact."""
         if name == 'hand_guiding':
             self.law.hand_guiding = value
         else:
             super().on_parameter(name, value)
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one gain, or one per joint."""
+        """Raise ValueError unless a gain has one value or one per joint."""
         if name in ('kp', 'kd'):
             non_negative(name, scalar_or_array(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Return the progress of the motion for diagnostics."""
+        """Return the state of the motion, for /diagnostics."""
         values = super().describe()
         return {**values, 'motion': 'hand guiding'} if self.law.hand_guiding else values
 

@@ -1,4 +1,4 @@
-"""Give the tool a Cartesian impedance about the targets of tool_trajectory."""
+"""Move the tool to targets with Cartesian impedance control, as if a spring pulled the tool."""
 
 import sys
 from collections.abc import Sequence
@@ -28,15 +28,22 @@ NAME = 'impedance_control'
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
-    # Friction compensation by measured velocity stays below one, so that the arm is passive.
-    Parameter('friction_fraction', 0.7, 'fraction of friction that is compensated', '', 0.0, 0.95),
+    # A fraction below one of friction compensation by measured velocity keeps the arm passive.
+    Parameter(
+        'friction_fraction',
+        0.7,
+        'fraction of the modelled joint friction that the controller compensates',
+        '',
+        0.0,
+        0.95,
+    ),
     # The observer must not compensate contact forces.
     *observer_parameters(compensation=0.0),
     *PAYLOAD_COMPENSATION_PARAMETERS,
     Parameter(
         'stiffness',
         [300.0],
-        'translational stiffness, one value or one per axis x, y, z',
+        'translational stiffness of the tool, one value or one per axis x, y, z',
         'N/m',
         0.0,
         1e5,
@@ -45,7 +52,7 @@ PARAMETERS = controller_parameters(
     Parameter(
         'damping',
         [40.0],
-        'translational damping, one value or one per axis x, y, z',
+        'translational damping of the tool, one value or one per axis x, y, z',
         'Ns/m',
         0.0,
         1e4,
@@ -54,23 +61,25 @@ PARAMETERS = controller_parameters(
     Parameter(
         'rest_stiffness',
         2.0,
-        'stiffness towards the home configuration in the null space',
+        'joint stiffness towards the home configuration, in the null space of the tool',
         'Nm/rad',
         0.0,
         100.0,
     ),
-    Parameter('rest_damping', 0.3, 'damping in the null space of the tool', 'Nms/rad', 0.0, 100.0),
+    Parameter(
+        'rest_damping', 0.3, 'joint damping in the null space of the tool', 'Nms/rad', 0.0, 100.0
+    ),
 )
 
 
 class ImpedanceControlNode(ControllerNode):
-    """Controller of tool targets with `CartesianImpedance`."""
+    """Controller for tool targets with the law `CartesianImpedance`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and its control loop."""
+        """Create the control law and the control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         self.follower = make_target_follower(values, arm)
@@ -89,16 +98,16 @@ class ImpedanceControlNode(ControllerNode):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Subscribe to tool targets."""
+        """Subscribe to tool targets and to the payload estimate."""
         self.tool = ToolTopics(self, self.follower, self.values.frame)
         self.take_payload()
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change stiffness or damping."""
+        """Change the stiffness or the damping."""
         setattr(self.law, name, non_negative(name, scalar_or_array(value), 3))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one value, or one per axis."""
+        """Raise ValueError unless stiffness or damping has one value or one per axis."""
         if name in ('stiffness', 'damping'):
             non_negative(name, scalar_or_array(value), 3)
 

@@ -1,4 +1,4 @@
-"""Move the tool along tool_trajectory by joint velocities, thesis 2.5.2 and 2.5.3."""
+"""Move the tool to targets by joint velocities from inverse kinematics, thesis 2.5.2 and 2.5.3."""
 
 import sys
 from collections.abc import Sequence
@@ -28,30 +28,36 @@ JOINT, CARTESIAN = 'joint', 'cartesian'
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     Parameter('scheme', CARTESIAN,
-        'space in which the error is fed back, joint or Cartesian', choices=(JOINT, CARTESIAN)),
-    Parameter('gain', 8.0, 'gain K: errors decay as exp(-K t)', '1/s', 0.0, 100.0),
+        'space in which the controller feeds the position error back: joint or Cartesian',
+        choices=(JOINT, CARTESIAN)),
+    Parameter('gain', 8.0,
+        'feedback gain K: position errors decay as exp(-K t)', '1/s', 0.0, 100.0),
     Parameter('singular_threshold', 0.03,
-        'singular value below which the inverse is damped', 'm/rad', 1e-4, 1.0),
-    Parameter('singular_damping', 0.02, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
+        'singular value of the Jacobian below which its inverse is damped', 'm/rad', 1e-4, 1.0),
+    Parameter('singular_damping', 0.02,
+        'damping of the inverse of the Jacobian at a singularity', 'm/rad', 1e-4, 1.0),
     Parameter('rest_gain', 0.5,
-        'gain towards the home configuration in the null space', '1/s', 0.0, 20.0),
+        'gain of the motion to the home configuration in the null space of the tool', '1/s', 0.0,
+        20.0),
     Parameter('holding_gain', 0.0,
-        'gain of the null-space descent of the holding torque', 'rad^2/J', 0.0, 1.0),
+        'gain of the motion in the null space of the tool that reduces the holding torque',
+        'rad^2/J', 0.0, 1.0),
     Parameter('limit_gain', 5.0,
-        'gain of the repulsion from position limits', '1/s', 0.1, 100.0),
+        'gain of the motion away from a position limit', '1/s', 0.1, 100.0),
     Parameter('limit_margin', 0.02,
-        'distance at which the repulsion from position limits begins', 'rad', 0.0, 1.0),
+        'distance from a position limit below which the joint moves away from it', 'rad', 0.0,
+        1.0),
 )  # fmt: skip
 
 
 class KinematicControlNode(ControllerNode):
-    """Controller of tool targets with `CartesianMotionControl` or `JointMotionControl`."""
+    """Controller for tool targets with `CartesianMotionControl` or `JointMotionControl`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and its reference."""
+        """Create the control law and the control loop."""
         values, arm = self.values, self.arm
         self.follower = make_target_follower(values, arm)
         self.resolution = VelocityResolution(
@@ -73,7 +79,7 @@ class KinematicControlNode(ControllerNode):
         self.tool = ToolTopics(self, self.follower, self.values.frame)
 
     def describe(self) -> dict[str, object]:
-        """Return the distances to singularities and joint limits for diagnostics."""
+        """Return the distance from singularities and the slowdown, for /diagnostics."""
         return {
             **super().describe(),
             'smallest singular value [m/rad]': round(self.resolution.least_singular_value, 4),

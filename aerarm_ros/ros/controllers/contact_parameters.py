@@ -1,4 +1,4 @@
-"""Parameters of contact detection, for the node and for its command line."""
+"""Parameters of `contact_estimator`, for the node and for its command line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from aerarm_ros.ros.parameters.parameter import Parameter
 GAIN_PARAMETER = Parameter(
     'observer_gain',
     30.0,
-    'bandwidth of the momentum observer (option --free only)',
+    'bandwidth of the momentum observer that estimates the external torque (only with --free)',
     '1/s',
     1.0,
     500.0,
@@ -22,41 +22,49 @@ GAIN_PARAMETER = Parameter(
 
 CONTACT_ESTIMATOR_PARAMETERS = (
     Parameter('confirmation', 0.02,
-        'time for which the torque must exceed its threshold', 's', 1e-3,
+        'time for which the external torque must exceed its threshold to count as contact',
+              's', 1e-3,
               1.0),
-    Parameter('rest_speed', 0.005, 'speed below which a joint counts as resting', 'rad/s', 1e-4,
+    Parameter('rest_speed', 0.005, 'joint speed below which a joint counts as resting', 'rad/s',
+              1e-4,
               0.1),
-    Parameter('rest_share', 0.15, 'change of torque at rest that counts as contact, relative to '
-                                  'dry friction', '', 0.01, 2.0),
-    Parameter('payload_mass', 2.0, 'standard deviation of the mass of an undeclared payload', 'kg',
-              1e-3, 50.0),
+    Parameter('rest_share', 0.15,
+        "torque change of a resting joint that counts as contact, as a fraction of the joint's dry "
+        'friction', '', 0.01, 2.0),
+    Parameter('payload_mass', 2.0,
+        'standard deviation assumed for the mass of an undeclared payload (not in '
+        'payload.inertial_parameters)',
+        'kg', 1e-3, 50.0),
     Parameter('payload_size', 0.2,
-        'standard deviation of the distance of an undeclared payload from the last joint', 'm',
+        'standard deviation assumed for the distance of an undeclared payload from the last joint',
+        'm',
               0.01, 2.0),
 )  # fmt: skip
 
 FILE_PARAMETERS = (
-    Parameter('residuals_file', '', 'thresholds learnt from free motion (residuals.yaml)'),
-    Parameter('model_file', '', 'estimate.yaml of the arm; the URDF if empty'),
-    Parameter('rate', 100.0, 'publishing rate of the results', 'Hz', 1.0, 1000.0),
+    Parameter('residuals_file', '',
+        'file residuals.yaml with contact thresholds learnt from motion without contact'),
+    Parameter('model_file', '',
+        "identified model of the arm, estimate.yaml; the URDF's model if empty"),
+    Parameter('rate', 100.0, 'publishing rate of external torque and contact', 'Hz', 1.0, 1000.0),
 )  # fmt: skip
 
 RESIDUALS = 'residuals.yaml'
-"""File name of learnt contact thresholds."""
+"""Name of the file with the learnt contact thresholds."""
 
 RESIDUALS_SECTION = 'residual_bound'
-"""Only key of the file of contact thresholds."""
+"""Top-level key in the file of the contact thresholds."""
 
 
 def contact_settings(values: Any) -> ContactSettings:
-    """Return the contact settings from an object with one attribute per parameter."""
+    """Return the settings of a contact detector; `values` has one attribute per parameter."""
     return ContactSettings(
         **{field.name: getattr(values, field.name) for field in fields(ContactSettings)}
     )
 
 
 def read_residuals(path: Path, joint_names: tuple[str, ...]) -> ResidualBound:
-    """Return learnt contact thresholds from a file; raises ValueError or OSError."""
+    """Read the learnt contact thresholds from a file; raises ValueError or OSError."""
     values = read_yaml(path)
     section = values.get(RESIDUALS_SECTION) if isinstance(values, dict) else None
     if not isinstance(section, dict):

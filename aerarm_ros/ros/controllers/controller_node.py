@@ -1,4 +1,4 @@
-"""Base class of all controllers, which answer joint states with commands."""
+"""Base class of all controllers: a node that publishes one command per joint state."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ _DISTURBANCE_PERIOD = 10  # answered states
 
 
 def controller_parameters(*parameters: Parameter) -> ParameterTable:
-    """Return the parameters of a controller: the common ones and its own."""
+    """Return the parameters of a controller: those given, and those of all controllers."""
     return state_node_parameters(*parameters, *AT_END_PARAMETERS)
 
 
 class Attendant(Protocol):
-    """Observer of a controller's loop."""
+    """Object that a controller calls after each command, and while it sends no commands."""
 
     def update(self) -> None:
-        """Act after a command has been sent; called in the loop's thread."""
+        """Do work after the controller has sent a command; called in the loop's thread."""
 
     def give_up(self, reason: str) -> None:
-        """Act while the arm is not controlled; called in the loop's thread at every state."""
+        """React to a joint state that the controller does not answer; called in the same thread."""
 
     def destroy(self) -> None:
-        """Destroy the ROS entities of this object; called once, at the end of the node."""
+        """Destroy the ROS entities of this object; called once, when the node ends."""
 
 
 class ControllerNode(StateNode):
-    """Run a control loop while the bridge follows commands.
+    """Run a control loop while the bridge accepts commands.
 
-    While the bridge ignores commands (the arm is off or stopped), the loop is reset. So control
-    begins at the arm's present configuration, even if a person moved it. At its end the controller
-    requests that the bridge holds the arm (`at_end`).
+    While the bridge ignores commands (the motors are off or the arm is stopped), the controller
+    resets its loop. Control therefore starts at the present posture, even if a person moved the
+    arm. Before the controller ends, it requests that the bridge holds the arm (`at_end`).
 
-    A derived controller overrides `make_loop`, and `subscribe` for its references.
+    A derived controller overrides `make_loop`, and `subscribe` to subscribe to its references.
 
     Attributes
     ----------
@@ -74,16 +74,16 @@ class ControllerNode(StateNode):
         """Subscribe to the references."""
 
     def before_update(self, state: ArmState, now: float) -> None:
-        """Do work that must precede the control law; called in the loop's thread."""
+        """Do work before the control law computes a command; called in the loop's thread."""
 
     # For derived controllers.
 
     def attend(self, attendant: Attendant) -> None:
-        """Add an observer of the loop's updates and of the arm's release."""
+        """Add an object that the loop calls at every joint state."""
         self._attendants.append(attendant)
 
     def publish_plan(self, ahead: Callable[[Any], JointReference | None]) -> None:
-        """Publish the planned motion: `ahead` returns the references at times (M,) [s]."""
+        """Publish the planned motion; `ahead` returns the references at given times (M,) [s]."""
 
         def after_state(times: NDArray[np.float64]) -> JointReference | None:
             return ahead(1e-9 * self.stamp_ns + times)
@@ -106,7 +106,7 @@ class ControllerNode(StateNode):
         self.attend(self._payload)
 
     def react_to_contact(self, follower: TrajectoryFollower, law: ComplyingLaw) -> ContactReaction:
-        """Subscribe to contacts; return the observer that reacts as `contact_reaction` states."""
+        """Subscribe to contacts; return the object that executes `contact_reaction`."""
         values = self.values
         reaction = ContactReaction(
             follower, self.loop, law, values.retreat_time, values.comply_stiffness
@@ -114,7 +114,7 @@ class ControllerNode(StateNode):
         reaction.reaction = Reaction(values.contact_reaction)
 
         def take(message: Bool, _: float) -> None:
-            # Not while the arm is released: the motion that it ended is no longer there.
+            # Without control there is no motion that a contact could stop.
             if self._mode in COMMANDABLE:
                 reaction.report(message.data, 1e-9 * self.stamp_ns)
 
@@ -123,17 +123,17 @@ class ControllerNode(StateNode):
         return reaction
 
     def commandable_problem(self, what: str) -> str:
-        """Return the reason why the motion source `what` cannot move the arm now; '' if it can."""
+        """Return why the topic or action `what` cannot move the arm now; '' if it can."""
         if self._mode in COMMANDABLE:
             return ''
         mode = self._mode or 'unknown'
         return (
-            f"{what} rejected, because the arm is '{mode}': first run {to_switch_on(mode)}, or "
-            'clear its fault'
+            f"{what} rejected, because the arm is in mode '{mode}': first run "
+            f'{to_switch_on(mode)}, or clear the fault'
         )
 
     def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
-        """Subscribe to references; they are rejected while the arm cannot be commanded."""
+        """Subscribe to a reference topic; reject its messages while the bridge ignores commands."""
 
         def take(message: Any, now: float) -> None:
             problem = self.commandable_problem(topic.name)
@@ -164,12 +164,12 @@ class ControllerNode(StateNode):
         self.subscribe()
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Publish the command that answers a state."""
+        """Compute and publish the command that answers a joint state."""
         if self._mode not in COMMANDABLE:
             self.loop.release()
             self.answers.withdraw()
             for attendant in self._attendants:
-                attendant.give_up(f"the arm is '{self._mode}'")
+                attendant.give_up(f"the arm is in mode '{self._mode}'")
             return
         now = stamp_ns * 1e-9
         self.before_update(state, now)
@@ -181,7 +181,7 @@ class ControllerNode(StateNode):
         payload = self._codec.pack(stamp_ns, *command)
         latency_ns = self.since_state_ns()
         self.answers.publish(self._commands, payload)
-        # No other node waits for the following work.
+        # The bridge has its command, so the following work delays no other node.
         self.count_answer(latency_ns)
         self._log_begin(state)
         self.loop.observe()
@@ -192,32 +192,35 @@ class ControllerNode(StateNode):
             self._disturbance.publish(self._codec.pack(stamp_ns, effort=self.loop.disturbance))
 
     def leave(self) -> None:
-        """Request that the bridge holds or damps the arm, as `at_end` specifies."""
+        """If `at_end` is 'hold', request that the bridge holds the arm."""
         if self._mode in COMMANDABLE and self.answers.are_kept:
             self._arm_at_end.leave()
 
     def close(self) -> None:
-        """Destroy the observers of the loop, then the node."""
+        """Destroy the attendants of the loop, then the node."""
         for attendant in self._attendants:
             attendant.destroy()
         super().close()
 
     def warning(self) -> str:
-        """Return the warning for diagnostics."""
+        """Return the warning for /diagnostics, or an empty text."""
         if self._mode not in COMMANDABLE:
-            return f"the arm is '{self._mode}': run {to_switch_on(self._mode)}, or clear its fault"
+            return (
+                f"the arm is in mode '{self._mode}': run {to_switch_on(self._mode)}, or clear the "
+                'fault'
+            )
         problem = '' if self._payload is None else self._payload.problem
         problem = problem or self._reaction_problem()
         return ('' if self.loop.base is None else super().warning()) or problem
 
     def describe(self) -> dict[str, object]:
-        """Return the state of the loop for diagnostics."""
+        """Return the values of this controller for /diagnostics."""
         loop = self.loop
         values = {
             **super().describe(),
             'arm mode': self._mode,
-            'take-overs': loop.take_overs,
-            'states skipped': loop.skipped,
+            'activations': loop.take_overs,
+            'joint states skipped': loop.skipped,
         }
         if self._payload is not None:
             values |= self._payload.describe()
@@ -225,7 +228,7 @@ class ControllerNode(StateNode):
             values['reactions to contact'] = self._reaction.count
         if loop.base is None:
             values['base motion'] = (
-                'not used, because the boards need no base motion in velocity mode'
+                'not used, because the boards control velocity and need no torque from the model'
             )
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
@@ -237,13 +240,13 @@ class ControllerNode(StateNode):
             return ''
         if reaction.is_silent(1e-9 * self.stamp_ns):
             return (
-                f"contact_reaction is '{reaction.reaction.value}', but no node publishes contact: "
-                'start contact_estimator'
+                f"contact_reaction is '{reaction.reaction.value}', but no node publishes the topic "
+                'contact: start contact_estimator'
             )
         return ''
 
     def _log_begin(self, state: ArmState) -> None:
-        """Log once that control has begun, and at which configuration."""
+        """Log the posture at which control starts, once per start."""
         if self.loop.take_overs == self._logged:
             return
         self._logged = self.loop.take_overs
@@ -251,7 +254,9 @@ class ControllerNode(StateNode):
             f'{name} {angle:.2f}'
             for name, angle in zip(self.arm.config.joint_names, state.q.tolist(), strict=True)
         )
-        self.node.get_logger().info(f'active, starting from {where} rad', throttle_duration_sec=1.0)
+        self.node.get_logger().info(
+            f'control starts at the posture {where} rad', throttle_duration_sec=1.0
+        )
 
     def _on_mode(self, message: String, _: float) -> None:
         self._mode = message.data

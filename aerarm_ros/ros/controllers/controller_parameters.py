@@ -1,4 +1,4 @@
-"""Parameters that every controller has, and the objects created from them."""
+"""Parameters that controllers and estimators share, and the objects created from their values."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ from aerarm_ros.world.rotor_governor import RotorGovernor
 
 
 def inertia_message(header: Header, mass: float, centre: Array, inertia: Array) -> InertiaStamped:
-    """Return the message of a body's mass properties.
+    """Return a message with mass, centre of mass and inertia of a body.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def inertia_message(header: Header, mass: float, centre: Array, inertia: Array) 
 
 
 def body_of_message(message: InertiaStamped) -> Array:
-    """Return the inertial parameters (10,) of a message's body, in its frame; raises ValueError."""
+    """Return the inertial parameters (10,) of the body in a message; raises ValueError."""
     body = message.inertia
     centre = [body.com.x, body.com.y, body.com.z]
     tensor = [
@@ -94,44 +94,55 @@ ARM_PARAMETERS = grouped(
     Parameter(
         'base_motion',
         NONE,
-        'motion of the base: none; attitude or full, both from the imu topic; or free, which '
-        "predicts the base's response to rotor_command and the arm with the masses of drone_file",
+        "source of the base motion. none: the base is fixed; attitude and full: the topic imu; "
+        'free: prediction from rotor_command, the motion of the arm and the masses of drone_file',
         choices=(*MODES, FREE),
     ),
     Parameter('imu_frame', '',
-        'URDF link that represents the IMU; if empty, as in the drone file, or base_link'),
+        'URDF link in which the IMU measures; if empty, the IMU frame of the drone file, otherwise '
+        'base_link'),
     Parameter('imu_hold_time', 0.1,
-        'largest usable age of the last IMU sample or rotor command', 's', 0.001, 10.0),
-    Parameter('imu_fade_time', 0.5, 'duration of the fallback to nominal gravity', 's', 0.01, 60.0),
+        'largest age at which the node still uses an IMU sample or a rotor command', 's', 0.001,
+        10.0),
+    Parameter('imu_fade_time', 0.5,
+        'duration of the change to the configured gravity after the IMU has stopped', 's', 0.01,
+        60.0),
     Parameter('imu_cutoff', 60.0,
         "cutoff frequency of the low-pass for the base's angular acceleration", 'Hz', 0.1, 500.0),
-    Parameter('imu_latency', 0.0, 'age of an IMU sample on arrival', 's', 0.0, 0.1),
+    Parameter('imu_latency', 0.0, 'time from the measurement of an IMU sample to its arrival', 's',
+        0.0, 0.1),
     Parameter('rotor_latency', 0.0,
         'delay from the arrival of rotor_command to its effect on the rotors', 's', 0.0, 0.1),
     Parameter('correction_cutoff', 0.3,
-        "crossover frequency of a free base's acceleration: measured below, predicted above",
+        "frequency above which base_motion 'free' uses the predicted instead of the measured base "
+        'acceleration',
         'Hz', 0.01, 0.5),
     Parameter('accelerometer_bias', 0.2,
-        "largest bias of the IMU's acceleration that the estimator of a free base subtracts",
+        "largest bias of the IMU's acceleration that base_motion 'free' estimates and subtracts",
         'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
 LOOP_PARAMETERS = grouped(
     'Real time',
     Parameter(
-        'state_timeout', 0.1, 'silence of joint_states that causes a warning', 's', 0.005, 10.0
+        'state_timeout',
+        0.1,
+        'time without joint_states after which the node warns',
+        's',
+        0.005,
+        10.0,
     ),
     *REAL_TIME_PARAMETERS,
 )
 
-# Key of the payload in payload.yaml, so that the file serves as parameter file.
+# The same key as in payload.yaml, so that payload.yaml can be used as a parameter file.
 PAYLOAD = 'payload.inertial_parameters'
 
 PAYLOAD_PARAMETER = Parameter(
     PAYLOAD,
     [],
-    'inertial parameters (3.3) of the payload at the last link, in the frame of its joint, as in '
-    'payload.yaml; no payload if empty',
+    'ten inertial parameters (3.3) of the payload at the last link, in the frame of the last '
+    'joint, as in payload.yaml; no payload if empty',
     'kg, kg m, kg m^2',
     -100.0,
     100.0,
@@ -142,23 +153,25 @@ PAYLOAD_PARAMETER = Parameter(
 FRICTION_PARAMETERS = grouped(
     'Model',
     PAYLOAD_PARAMETER,
-    Parameter('friction_file', '', 'estimate.yaml of the identifier, with friction terms that a '
-        'URDF cannot contain (Stribeck friction); friction of the URDF if empty'),
+    Parameter('friction_file', '', 'estimate.yaml with identified friction, including terms that '
+        'a URDF cannot contain (Stribeck friction); the friction of the URDF if empty'),
     Parameter('friction_fraction', 1.0,
-        "fraction of the URDF's joint friction that is compensated", '', 0, 1),
+        'fraction of the modelled joint friction that the controller compensates', '', 0, 1),
     Parameter('friction_width', 0.02,
-        'velocity at which the compensation reaches 3/4 of the friction', 'rad/s', 1e-4, 1.0),
+        'joint velocity at which the controller compensates 3/4 of the dry friction', 'rad/s',
+        1e-4, 1.0),
     Parameter('rotor_inertia', [],
-        'rotor inertia at the joints, J_m / k_g^2; as in the configuration if empty',
+        'rotor inertia of each joint, reflected to the joint (J_m / k_g^2); the values of the '
+        'configuration if empty',
         'kg m^2', 0.0, 10.0, element=float),
     Parameter('load_friction', [], (
-        'fraction of the transmitted torque that the gears lose, one value or one per joint; as '
-        'in the URDF written by identifier if empty'
+        'fraction of the transmitted torque that the gears lose, one value or one per joint; the '
+        'values of the URDF if empty'
     ), '', 0.0, 1.0,
               element=float),
 )  # fmt: skip
 
-# For nodes that use the friction model without compensating friction.
+# For nodes that use the friction model but do not compensate friction.
 ENERGY_PARAMETERS = tuple(
     parameter
     for parameter in FRICTION_PARAMETERS
@@ -167,42 +180,41 @@ ENERGY_PARAMETERS = tuple(
 
 
 def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
-    """Return the parameters of the disturbance observer, with a default of `compensation`."""
+    """Return the parameters of the disturbance observer; the argument is a default value."""
     return grouped(
         'Disturbances',
         Parameter('observer_gain', 30.0,
             'cutoff frequency of the disturbance observer; 0 for no observer', '1/s', 0.0, 1000.0),
         Parameter('compensation', compensation,
-            'largest compensated disturbance relative to effort_max; 0 observes without '
-                    'compensation',
+            'largest disturbance torque that the controller compensates, as a fraction of '
+            'effort_max; 0 for no compensation',
             '', 0.0, 1.0),
     )  # fmt: skip
 
 
-# Covers friction, model errors and a rated payload, for a controller that must reach postures.
-# benchmarks/goals.py compares this compensation with integral action.
+# This default covers friction, model errors and the rated payload in controllers that must reach
+# goals exactly. benchmarks/goals.py compares this compensation with integral action.
 REACHING_COMPENSATION = 0.2
 
-# For every node that plans or limits motions, with the drone of drone_file.
+# For each node that plans or limits motions of an arm under a drone.
 ROTOR_PARAMETERS = grouped(
     "Drone's limits",
     Parameter('rotor_share', 0.7,
-        "fraction of each rotor's thrust range that a motion may use, with the drone of "
-        'drone_file; faster motions are slowed down. 0 for no check of rotors and heading',
+        "largest fraction of each rotor's thrust range that an arm motion may use; the node slows "
+        'down faster motions. 0 for no check of rotors and heading. Needs drone_file',
         '', 0.0, 1.0),
     Parameter('heading_max', 0.0873,
-        "largest rotation of the drone's heading by a motion of the arm (default 5 degrees), with "
-        'the drone of drone_file; 0 for no check', 'rad', 0.0, 3.2),
+        "largest rotation of the drone's heading that an arm motion may cause (default 5 degrees); "
+        '0 for no check. Needs drone_file', 'rad', 0.0, 3.2),
     Parameter('heading_frequency', 2.0,
-        "natural frequency of the drone's heading control, in the prediction of the heading",
+        "natural frequency of the drone's heading control, for the check of heading_max",
         'rad/s', 0.1, 30.0),
     Parameter('heading_feedforward', False,
-        "whether the drone's controller feeds the arm's motion forward, as flight_control does "
-        'with base_reaction; motions about the vertical axis can then be faster'),
+        "whether the drone's controller uses the feed-forward of base_reaction, as flight_control "
+        'does; the check of heading_max then permits faster motions'),
     Parameter('unknown_payload', 0.25,
-        'mass at the tool that the arm may carry in addition to the known payload, in the '
-        'prediction of the heading; 0 for faster motions of an arm without unknown payload',
-        'kg', 0.0, 10.0),
+        'mass at the tool, beyond the known payload, with which a motion must respect heading_max; '
+        '0 permits faster motions of an arm without unknown payload', 'kg', 0.0, 10.0),
 )  # fmt: skip
 
 FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
@@ -210,13 +222,13 @@ FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
     Parameter(
         'interpolation',
         'quintic',
-        'interpolation between trajectory points',
+        'degree of the polynomials between trajectory points',
         choices=('cubic', 'quintic'),
     ),
     Parameter(
         'start_tolerance',
         0.1,
-        'largest distance of the first trajectory point from the reference',
+        'largest accepted distance of the first trajectory point from the present reference',
         'rad',
         0.0,
         3.0,
@@ -232,7 +244,7 @@ FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
     Parameter(
         'goal_tolerance',
         0.01,
-        'position error below which a goal counts as reached; 0 for no check',
+        'joint position error below which a goal counts as reached; 0 for no check',
         'rad',
         0.0,
         1.0,
@@ -240,7 +252,7 @@ FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
     Parameter(
         'goal_time',
         1.0,
-        'time limit to reach the goal after the end of the trajectory; 0 for no limit',
+        'time limit from the end of the trajectory until the arm reaches the goal; 0 for no limit',
         's',
         0.0,
         60.0,
@@ -248,12 +260,12 @@ FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
     Parameter(
         'allow_partial_joints_goal',
         True,
-        'accept trajectories for some of the joints; the other joints hold their positions',
+        'accept trajectories that omit joints; the omitted joints hold their positions',
     ),
     Parameter(
         'stream_timeout',
         0.1,
-        'age of the last streamed point at which the controller brakes',
+        'time since the last point of a stream after which the controller stops the motion',
         's',
         0.005,
         10.0,
@@ -266,35 +278,40 @@ REACTION_PARAMETERS = grouped(
     Parameter(
         REACTION,
         Reaction.REPORT.value,
-        'reaction to a contact that contact_estimator publishes: only report it, stop along the '
-        'path, retreat after the stop, or comply',
+        'reaction of the controller to a contact that contact_estimator publishes: report it only, '
+        'stop along the path, retreat after the stop, or comply',
         choices=REACTIONS,
         live=True,
     ),
     Parameter(
         'retreat_time',
         0.3,
-        'time before the contact at which the reference had the position to which the arm retreats',
+        'the arm retreats to the position that its reference had this time before the contact',
         's',
         0.01,
         5.0,
     ),
     Parameter(
-        'comply_stiffness', 0.02, 'fraction of kp in effect while the arm complies', '', 1e-4, 1.0
+        'comply_stiffness',
+        0.02,
+        'fraction of kp that the controller applies while it complies',
+        '',
+        1e-4,
+        1.0,
     ),
 )
 
 
 class CarryingModel(Protocol):
-    """Interface of an arm's model that can include a payload."""
+    """Interface of a model of the arm that can include a payload."""
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Add a body to the last link, see `Dynamics.carry`."""
+        """Set the payload at the last link, as `Dynamics.carry`."""
 
 
 @dataclass(frozen=True)
 class ControlledArm:
-    """The arm's model, configuration and drone for a controller."""
+    """Configuration, model, limits and drone of an arm, and factories for a controller's parts."""
 
     config: ArmConfig
     robot: Robot
@@ -304,16 +321,16 @@ class ControlledArm:
 
     @classmethod
     def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
-        """Read the URDF and the configuration; raises ValueError."""
+        """Read URDF, configuration and drone file; raises ValueError if one cannot be used."""
         config, robot = load_arm(values)
         drone = load_drone(values, config, robot)
         if drone is not None:
-            # The drone file specifies the mount, and so the direction of gravity.
+            # The pose of the arm on the drone determines the direction of gravity.
             robot = robot.with_gravity(drone.gravity_in_base)
         return cls(config, robot, JointLimits.from_config(config), drone)
 
     def dynamics(self, values: SimpleNamespace) -> MovingBaseDynamics:
-        """Return the dynamics model with the rotors' inertia."""
+        """Return a dynamics model of the arm, including the inertia of the motors' rotors."""
         carrier = None
         if values.base_motion == FREE and self.drone is not None:
             carrier = carrier_parameters(self.drone)
@@ -322,19 +339,19 @@ class ControlledArm:
         return model
 
     def load(self, model: CarryingModel, values: SimpleNamespace) -> None:
-        """Set the arm's payload in a model, now and after each change; raises ValueError."""
+        """Add a model to the models whose payload follows the parameter; raises ValueError."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)
 
     def carry(self, payload: Sequence[float]) -> None:
-        """Set the payload of every registered model; raises ValueError."""
+        """Set the payload of all models that `load` added; raises ValueError."""
         for model in self._models:
             model.carry(_payload(payload))
 
     def friction(self, values: SimpleNamespace) -> FrictionCompensation:
-        """Return the compensation of joint friction; raises ValueError with what to check."""
+        """Return the compensation of joint friction; raises ValueError for an invalid value."""
         if values.friction_file:
-            # Only now: most controllers do without the libraries of the identifier.
+            # Imported here, because most controllers do not need the identifier's libraries.
             from aerarm_ros.identification.files.estimate_file import read_estimate
             from aerarm_ros.online.friction_trend import JointFriction
             from aerarm_ros.online.replay import KnownArm
@@ -363,39 +380,39 @@ class ControlledArm:
         return MomentumObserver(dynamics, values.observer_gain, friction)
 
     def compensation_max(self, values: SimpleNamespace) -> npt.NDArray[np.float64]:
-        """Return the largest compensated disturbance torque, (n,) [Nm]."""
+        """Return the largest disturbance torque (n,) [Nm] that the controller compensates."""
         return np.asarray(values.compensation * self.limits.effort_max)
 
     def base(self, values: SimpleNamespace) -> BaseMotionEstimator | FreeBaseEstimator:
-        """Return the estimator of the base's motion; raises ValueError."""
+        """Return the base-motion estimator that `base_motion` selects; raises ValueError."""
         if values.base_motion == FREE:
             return self._free_base(values)
         self.check_base(values, getattr(values, PAYLOAD, []))
         return self._moved_base(values, values.base_motion)
 
     def check_base(self, values: SimpleNamespace, payload: Sequence[float]) -> None:
-        """Raise ValueError if base_motion `full` is unstable with a payload under this drone."""
+        """Raise ValueError if base_motion `full` could become unstable with this payload."""
         if values.base_motion == FULL and self.drone is not None:
             check_feedback(self.drone, self._whole(values, self.drone, payload))
 
     def hovering_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return a base-motion estimator without the drone's reaction, for feedforward to it."""
+        """Return an estimator that ignores how the drone reacts to the arm, for feed-forward."""
         return self._moved_base(values, HOVER)
 
     def measured_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return an estimator of the base's measured motion, for nodes that command no motion."""
+        """Return an estimator that measures the base motion, for nodes that do not move the arm."""
         mode = FULL if values.base_motion == FREE else values.base_motion
         return self._moved_base(values, mode)
 
     def feedback_gain(self, values: SimpleNamespace) -> float:
-        """Return the largest feedback gain of the base's measured motion; 0 without a drone."""
+        """Return the largest gain of the feedback loop that base_motion `full` closes."""
         if self.drone is None:
             return 0.0
         payload = getattr(values, PAYLOAD, [])
         return largest_feedback_gain(self._whole(values, self.drone, payload))
 
     def whole_body(self, values: SimpleNamespace, drone: DroneConfig) -> WholeBodyDynamics:
-        """Return the whole-body model of arm and drone, which follows changes of the payload."""
+        """Return a dynamics model of arm and drone, whose payload follows the parameter."""
         whole = self._whole(values, drone)
         self.load(whole, values)
         return whole
@@ -404,8 +421,8 @@ class ControlledArm:
         drone = self.drone
         if drone is None:
             raise ValueError(
-                "base_motion 'free' needs the drone's mass and rotors: set drone_file, for "
-                'example config/drone.yaml'
+                "base_motion 'free' needs the masses and rotors of the drone: set drone_file, for "
+                'example to config/drone.yaml'
             )
         return FreeBaseEstimator(
             self.robot.gravity_in_base,
@@ -448,7 +465,7 @@ class ControlledArm:
         )
 
     def follower(self, values: SimpleNamespace) -> TrajectoryFollower:
-        """Return the follower of trajectories and set points."""
+        """Return the object that turns trajectories and set points into references."""
         tolerances = FollowerTolerances.uniform(
             self.config.n,
             values.start_tolerance,
@@ -466,7 +483,10 @@ class ControlledArm:
         )
 
     def governor(self, values: SimpleNamespace) -> RotorGovernor | None:
-        """Return the governor of the values of `ROTOR_PARAMETERS`; None without drone or check."""
+        """Return the governor that slows motions down to the rotors; None without drone or check.
+
+        `values` contains the values of `ROTOR_PARAMETERS`.
+        """
         if self.drone is None or values.rotor_share == 0.0:
             return None
         heading, unknown = None, 0.0
@@ -481,7 +501,7 @@ class ControlledArm:
 
 
 def payload_problem(changes: Mapping[str, Any]) -> str:
-    """Return why the payload among changed parameters is invalid, or an empty text."""
+    """Return why a changed payload parameter is invalid, or an empty text."""
     try:
         checked_payload(_payload(changes.get(PAYLOAD, [])))
     except ValueError as error:
@@ -490,16 +510,16 @@ def payload_problem(changes: Mapping[str, Any]) -> str:
 
 
 def _payload(values: Sequence[float]) -> Sequence[float]:
-    """Return the ten inertial parameters of the payload, or ten zeros if none are given."""
+    """Return the ten inertial parameters of the payload; ten zeros if the parameter is empty."""
     return values if len(values) else [0.0] * 10
 
 
 def load_share(values: SimpleNamespace, robot: Robot) -> npt.NDArray[np.float64]:
-    """Return the load-dependent friction [-], by default the URDF's; one value or (n,)."""
+    """Return the load-dependent friction [-], one value or (n,), of the parameter or the URDF."""
     given = values.load_friction
     return scalar_or_array(given) if len(given) else robot.load_friction
 
 
 def scalar_or_array(values: Sequence[float]) -> npt.NDArray[np.float64]:
-    """Return a list parameter as an array, or as a number if the list has only one value."""
+    """Convert a list to an array, or to a number if it has only one value."""
     return np.array(values[0] if len(values) == 1 else values, dtype=float)

@@ -1,4 +1,4 @@
-"""File with the estimates of friction over days and weeks."""
+"""Parameters of `payload_estimator`, and the file with its friction estimates over weeks."""
 
 from __future__ import annotations
 
@@ -15,61 +15,67 @@ from aerarm_ros.online.payload_estimator import EstimatorSettings, OnlineEstimat
 from aerarm_ros.ros.parameters.parameter import Parameter
 
 ESTIMATOR_PARAMETERS = (
-    Parameter('payload_mass', 0.5, 'standard deviation of the payload mass', 'kg', 1e-3,
-              50.0),
+    Parameter('payload_mass', 0.5, 'standard deviation assumed for the mass of a payload', 'kg',
+              1e-3, 50.0),
     Parameter('payload_size', 0.15,
-        'standard deviation of the distance of the payload from the last joint', 'm', 0.01,
-              2.0),
+        'standard deviation assumed for the distance of the parts of a payload from the last joint',
+        'm', 0.01, 2.0),
     Parameter('tare_mass', 0.01,
-        'standard deviation of the model error at the last link', 'kg', 1e-4, 10.0),
+        "standard deviation assumed for the mass error of the arm's model at the last link", 'kg',
+        1e-4, 10.0),
     Parameter('friction_spread', 0.3,
-        'relative standard deviation of the friction model', '', 0.01, 2.0),
+        'standard deviation assumed for the difference between the friction and its model, as a '
+        'fraction of the model', '', 0.01, 2.0),
     Parameter('torque_noise', 0.02,
-        'initial RMS torque residual, used until a residual is measured', 'Nm', 1e-4, 10.0),
+        'RMS torque residual that the estimator assumes until it has measured the residual', 'Nm',
+        1e-4, 10.0),
     Parameter('model_error', 0.01, (
-        'relative standard deviation of gravity and inertia in the model; smaller torque errors '
-        'do not count as payload'
+        "standard deviation assumed for the model's gravity and inertia torques, as a fraction of "
+        'these torques; smaller torque errors do not count as payload'
     ), '', 1e-4, 0.5),
-    Parameter('correlation_time', 0.1, 'correlation time of the model error', 's',
+    Parameter('correlation_time', 0.1, 'correlation time of the torque error of the model', 's',
               0.02, 10.0),
     Parameter('bandwidth', 30.0,
-        'cutoff frequency of the low-passes on the equation of motion', '1/s', 5.0, 100.0),
-    Parameter('memory', 30.0, 'forgetting time of the payload estimate without informative motion',
-              's', 1.0, 3600.0),
+        'cutoff frequency of the low-pass filters for both sides of the equation of motion', '1/s',
+        5.0, 100.0),
+    Parameter('memory', 30.0,
+        'time after which the estimator forgets the payload if no informative motion confirms it',
+        's', 1.0, 3600.0),
     Parameter('friction_memory', 120.0,
-        'forgetting time of the friction estimate without informative motion', 's', 1.0, 36000.0),
+        'time after which the estimator forgets the friction if no informative motion confirms it',
+        's', 1.0, 36000.0),
 )  # fmt: skip
 
 
 def estimator_settings(values: Any) -> EstimatorSettings:
-    """Return the payload estimator's settings from an object with one attribute per parameter."""
+    """Return the settings of a payload estimator; `values` has one attribute per parameter."""
     return EstimatorSettings(
         **{field.name: getattr(values, field.name) for field in fields(EstimatorSettings)}
     )
 
 
 FRICTION_LOG_PARAMETERS = (
-    Parameter('friction_file', '', 'text file with the history of friction; none if empty'),
+    Parameter('friction_file', '',
+        'text file to which the node appends friction estimates over weeks; no file if empty'),
     Parameter('friction_interval', 600.0,
-        'observation time between two records of friction', 's', 1.0,
-              86400.0),
+        'time of estimation between two records in friction_file', 's', 1.0, 86400.0),
 )  # fmt: skip
 
-_LONGEST = 0.1  # [s] longest interval between two estimates that counts as learning time
-_LEAST = 30.0  # [s] shortest learning time for a record at the end
+_MAX_GAP = 0.1  # [s] a longer interval between two estimates does not count as estimation time
+_MIN_LAST = 30.0  # [s] shortest estimation time for a record at the end of the node
 
 
 class FrictionLog:
-    """Record the friction estimates periodically, and write them in a background thread.
+    """Record the friction estimates periodically, and write them to a file from any thread.
 
     Parameters
     ----------
     path : Path
-        Path of the file; existing records are read first.
+        Path of the file. New records are appended to existing ones.
     interval : float
-        Learning time between records [s].
+        Time of estimation between two records [s].
     clock : callable
-        Returns the time since 1970 [s].
+        Returns the present time [s since 1970].
 
     Attributes
     ----------
@@ -79,7 +85,7 @@ class FrictionLog:
     Raises
     ------
     TrendFileError, OSError
-        If the file is not a friction trend of this arm, or cannot be read or written.
+        If the file contains no friction of this arm, or cannot be read or written.
     """
 
     def __init__(
@@ -96,7 +102,8 @@ class FrictionLog:
         self._trend = read_trend(path, joint_names)
         if not os.access(path.parent, os.W_OK):
             raise OSError(
-                f'friction_file cannot be written to {path.parent}: choose another folder'
+                f'friction_file cannot be written, because the folder {path.parent} is not '
+                'writable: choose another folder'
             )
         self._last: OnlineEstimate | None = None
         self._learnt = 0.0
@@ -104,15 +111,15 @@ class FrictionLog:
         self._lock = Lock()
 
     def offer(self, estimate: OnlineEstimate) -> None:
-        """Process a friction estimate without waiting for the file."""
-        if self._last is not None and 0.0 < estimate.time - self._last.time < _LONGEST:
+        """Process a friction estimate; never waits for the disk."""
+        if self._last is not None and 0.0 < estimate.time - self._last.time < _MAX_GAP:
             self._learnt += estimate.time - self._last.time
         self._last = estimate
         if self._learnt >= self._interval:
             self._record(estimate)
 
     def write(self) -> None:
-        """Write pending records; callable from any thread."""
+        """Write the new records to the file; callable from any thread."""
         with self._lock:
             pending, self._pending = self._pending, []
             for record in pending:
@@ -128,13 +135,13 @@ class FrictionLog:
                 )
 
     def finish(self) -> None:
-        """Write the last record."""
-        if self._last is not None and self._learnt >= min(self._interval, _LEAST):
+        """Record the last estimate, and write the file, at the end of the node."""
+        if self._last is not None and self._learnt >= min(self._interval, _MIN_LAST):
             self._record(self._last)
         self.write()
 
     def describe(self) -> dict[str, object]:
-        """Return the changes of friction since the first record."""
+        """Return the number of records and the changes of friction, for /diagnostics."""
         with self._lock:
             records, changes = self._trend.records, self._trend.changes()
         texts = [

@@ -1,4 +1,4 @@
-"""Payload compensation: move a controller's model to the payload estimate."""
+"""Payload compensation: adapt the payload in a controller's model to `payload_estimator`."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from aerarm_ros.online.payload_compensation import PayloadCompensation
 from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm, body_of_message
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
-# [s] between updates of the model's payload.
-_STEP = 0.005
-_JUDGED = 0.02
-_LONGEST = 0.1  # [s] longest interval between consecutive states
+_STEP = 0.005  # [s] between two changes of the model's payload
+_CHECK_PERIOD = 0.02  # [s] between two checks of the torque residual
+_MAX_GAP = 0.1  # [s] longest interval between consecutive joint states
 
 PAYLOAD_COMPENSATION_PARAMETERS = grouped(
     'Payload compensation',
     Parameter('hand_over', 0.0,
-        'fraction of the payload estimate that the controller adds to its model; 0 '
-                'ignores payload_estimator',
+        'fraction of the payload estimated by payload_estimator that the controller adds to its '
+        'model; 0 for no payload compensation',
         '', 0.0, 1.0),
     Parameter('hand_over_mass_rate', 0.2,
-        'rate at which the controller fades payload compensation in and out', 'kg/s', 1e-3, 10.0),
+        "largest rate at which the controller changes the payload's mass in its model", 'kg/s',
+        1e-3, 10.0),
     Parameter('hand_over_centre_rate', 0.1,
-        'rate at which '
-        "the controller moves the payload's centre of mass in its model", 'm/s', 1e-3, 10.0),
+        "largest rate at which the controller moves the payload's centre of mass in its model",
+        'm/s', 1e-3, 10.0),
 )  # fmt: skip
 
 
 class PayloadIntake:
-    """Move the model's payload to the estimate on the topic `payload`, between two commands.
+    """Change the payload in the controller's models gradually to the estimate on `payload`.
 
-    PayloadIntake is an `Attendant` that adds the compensated payload to
+    The payload in the models is the sum of the compensated estimate and the parameter
     `payload.inertial_parameters`. Without new estimates the compensation stays until the arm's
-    torques contradict it (`PayloadCompensation`).
+    torques contradict it (`PayloadCompensation`). A PayloadIntake is an `Attendant`.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class PayloadIntake:
         self._residual = residual
         self._base = base
         self._regressor = MomentumRegressor(arm.robot)
-        self._hand_over = PayloadCompensation(
+        self._compensation = PayloadCompensation(
             values.hand_over, values.hand_over_mass_rate, values.hand_over_centre_rate
         )
         self._link = arm.robot.link_names[-1]
@@ -79,31 +79,31 @@ class PayloadIntake:
         self._own = getattr(values, PAYLOAD)
 
     def take(self, message: InertiaStamped, _: float) -> None:
-        """Process a payload estimate; raises RejectedInputError if it is invalid."""
+        """Process a payload estimate; raises RejectedInputError if the estimate is invalid."""
         if message.header.frame_id != self._link:
             raise RejectedInputError(
                 f"payload rejected, because its frame is '{message.header.frame_id}' instead of "
-                f"the last link '{self._link}': start payload_estimator with the same arm"
+                f"the last link '{self._link}': start payload_estimator with the URDF of this node"
             )
         try:
-            self._hand_over.offer(body_of_message(message))
+            self._compensation.offer(body_of_message(message))
         except ValueError as error:
             raise RejectedInputError(str(error)) from None
 
     def update(self) -> None:
-        """Move the model's payload one step, and check whether the disturbance becomes smaller."""
+        """Change the models' payload by one step, or check the effect on the disturbance."""
         now, state = self._now()
-        if not 0.0 <= now - self._updated < _LONGEST or state is None:
+        if not 0.0 <= now - self._updated < _MAX_GAP or state is None:
             self._updated = self._judged = now
             return
-        if now - self._judged >= _JUDGED - 1e-4:
+        if now - self._judged >= _CHECK_PERIOD - 1e-4:
             self._judge(now, state)
         elapsed = now - self._updated
         if elapsed < _STEP - 1e-4:
             return
         self._updated = now
-        before = self._hand_over.carried
-        carried = self._hand_over.update(elapsed)
+        before = self._compensation.carried
+        carried = self._compensation.update(elapsed)
         own, last = getattr(self._values, PAYLOAD), self._own
         if carried is not before or own is not last:
             self._own = own
@@ -113,11 +113,11 @@ class PayloadIntake:
         """Keep the compensated payload while the arm is not controlled."""
 
     def destroy(self) -> None:
-        """Do nothing: this object owns no ROS entities."""
+        """Do nothing, because this object has no ROS entities."""
 
     def describe(self) -> dict[str, object]:
-        """Return the compensated payload for diagnostics."""
-        carried = self._hand_over.carried
+        """Return the mass of the compensated payload, for /diagnostics."""
+        carried = self._compensation.carried
         report: dict[str, object] = {'compensated payload [kg]': round(float(carried[0]), 4)}
         if self._undone:
             report['payload compensations withdrawn'] = self._undone
@@ -125,21 +125,22 @@ class PayloadIntake:
 
     @property
     def problem(self) -> str:
-        """Problem of the payload compensation; empty if there is none."""
-        if not self._hand_over.is_undone:
+        """Warning that the payload compensation was withdrawn, or an empty text."""
+        if not self._compensation.is_undone:
             return ''
         return (
-            'the controller withdrew the payload compensation, because it increased the torque '
-            'residual: check payload_estimator, and whether the arm touches something'
+            'the controller withdrew the payload compensation, because the torque residual was '
+            'larger with the payload than without: check payload_estimator, and whether the arm '
+            'touches an object'
         )
 
     def _judge(self, now: float, state: ArmState) -> None:
         elapsed, self._judged = now - self._judged, now
-        residual, carried = self._residual(), self._hand_over.carried
+        residual, carried = self._residual(), self._compensation.carried
         if residual is None or not carried[0]:
             return
         base = self._base(now)
         _, force = self._regressor.evaluate(
             state.q, state.dq, base.specific_force, base.angular_velocity
         )
-        self._undone += self._hand_over.judge(residual, force @ carried, elapsed)
+        self._undone += self._compensation.judge(residual, force @ carried, elapsed)

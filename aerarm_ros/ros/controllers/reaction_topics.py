@@ -1,4 +1,4 @@
-"""Topics of `base_reaction`: load, contact and energy of the arm."""
+"""Topics that `base_reaction` publishes: load of the arm on the drone, contact, and energy."""
 
 from __future__ import annotations
 
@@ -46,31 +46,31 @@ from aerarm_ros.ros.states.state_stream import base_header, decoded_odometry
 MOUNT, CENTRE = 'mount', 'centre'
 LOAD_PARAMETERS = grouped(
     'Feed-forward for the drone',
-    Parameter('load_rate', 250.0, 'publishing rate', 'Hz', 1.0, 500.0),
+    Parameter('load_rate', 250.0, 'publishing rate of the feed-forward topics', 'Hz', 1.0, 500.0),
     Parameter('lead', 0.0, (
-        'preview time of the forecast relative to the newest state, from planned_motion if '
-        'available: set it to the lag of the rotors plus the delay of the link'
+        'preview time: the feed-forward describes the arm this time after the newest joint state. '
+        'Set it to the lag of the rotors plus the delay of the link'
     ), 's', 0.0, 0.09, live=True),
     Parameter('measured_motion', True, (
-        'use measured joint motion if planned_motion is missing and the motors hold the arm. Set '
-        "it to false under world_control, where the arm's reaction to the drone would close a "
-        'feedback loop'
+        'use the measured joint motion if planned_motion is missing and the motors hold the arm. '
+        'Set this parameter to false under world_control: the arm reacts to the drone there, and '
+        'the feed-forward would close a feedback loop'
     )),
     Parameter('acceleration_at', MOUNT, (
-        "reference point of the acceleration: 'base_link' of the arm, or 'centre' of mass of the "
-        'drone, both in body axes'
+        'reference point of feedforward_acceleration, in body axes: the base_link of the arm '
+        "('mount'), or the centre of mass of the drone ('centre')"
     ), choices=(MOUNT, CENTRE)),
 )  # fmt: skip
 
-_FADE = 0.2  # [s] in which the published motion fades to zero if no states arrive
-_FADE_STEP = 0.01  # [s]
+_FADE = 0.2  # [s] in which the published motion fades to zero if no joint states arrive
+_FADE_STEP = 0.01  # [s] between two messages of the fading motion
 
 
 class LoadTopics:
-    """Publish mass properties, weight, the motion's wrench and the compensating acceleration.
+    """Publish the feed-forward topics: mass properties, weight, wrench and acceleration.
 
-    The stamp of a message is the time of the described load: the state's stamp plus `lead`, the
-    preview time.
+    The stamp of a message is the time at which the arm has the described load. This is the stamp of
+    the newest joint state plus the preview time `lead`.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class LoadTopics:
     values
         Values of `LOAD_PARAMETERS`.
     publish
-        Publishes a message through a publisher.
+        Called with a publisher and the message to publish.
     """
 
     def __init__(
@@ -98,8 +98,10 @@ class LoadTopics:
         self._base, self._body = arm.robot.base_link, arm.robot.full_name(BODY_LINK)
         self._at_centre = values.acceleration_at == CENTRE
         if self._at_centre and self._drone is None:
-            raise ValueError("acceleration_at 'centre' needs the drone: set drone_file")
-        self._period = 1.0 / values.load_rate - 0.5e-3  # states arrive with jitter
+            raise ValueError(
+                "acceleration_at 'centre' needs the centre of mass of the drone: set drone_file"
+            )
+        self._period = 1.0 / values.load_rate - 0.5e-3  # joint states arrive with jitter
         self._due = -np.inf
         self._sent: tuple[int, ArmLoad] | None = None
         self._fade = Fade(_FADE, share=1.0)
@@ -114,22 +116,25 @@ class LoadTopics:
         self._acceleration = advertise(topics.FEEDFORWARD_ACCELERATION)
 
     def add(self, stamp_ns: int, measured: JointReference) -> None:
-        """Process the motion measured at a stamp [ns], and publish if a message is due."""
+        """Process the motion measured at a stamp [ns]; publish if one period has passed."""
         now = 1e-9 * stamp_ns
         about_ns = stamp_ns + round(1e9 * self.forecast.lead)
         if self._has_faded_after(about_ns):
             return
         self._fade.share = 1.0
-        if self._due - 2.0 * self._period < now < self._due:  # otherwise the clock was set back
+        if self._due - 2.0 * self._period < now < self._due:  # earlier: the clock was set back
             return
         self._due = now + self._period
         motion = self.forecast.motion(now, measured)
         self._send(about_ns, self._model.evaluate(motion))
 
     def fade(self) -> float | None:
-        """Fade the last motion; return the time until the next step [s], None at the end.
+        """Publish the next step of the motion's fading to zero; mass and weight do not fade.
 
-        Mass and weight do not fade.
+        Returns
+        -------
+        float or None
+            Time until the next step [s], None if the motion has faded to zero.
         """
         now = time.monotonic()
         if self._sent is None or self._fade.share == 0.0:
@@ -144,10 +149,10 @@ class LoadTopics:
         return _FADE_STEP
 
     def take_plan(self, message: JointTrajectory, _: float) -> None:
-        """Process a controller's planned motion; raises RejectedInputError."""
+        """Process the planned motion of a controller; raises RejectedInputError."""
         points, names = message.points, list(message.joint_names)
         if sorted(names) != sorted(self._names):
-            return  # from another arm's controller
+            return  # the controller of another arm published this plan
         order = [names.index(name) for name in self._names]
         columns = [
             np.array([[*getattr(point, what)] for point in points], dtype=float)
@@ -161,9 +166,9 @@ class LoadTopics:
         self.forecast.offer(begin, times, *columns)
 
     def _has_faded_after(self, stamp_ns: int) -> bool:
-        """Return whether a state is older than an already published fading motion.
+        """Return whether a state is older than a motion that was published while fading.
 
-        A bridge that was delayed between measuring and publishing sends such a state.
+        A bridge sends such a state if it was delayed between measurement and publication.
         """
         if self._sent is None or self._fade.share == 1.0:
             return False
@@ -194,7 +199,7 @@ class LoadTopics:
 
 
 def wrench_message(header: Header, wrench: NDArray[np.float64]) -> WrenchStamped:
-    """Return the message of a force [N] and moment [Nm], (6,)."""
+    """Return a message with force [N] and moment [Nm], given as one array (6,)."""
     message = WrenchStamped(header=header)
     _fill(message.wrench.force, wrench[:3])
     _fill(message.wrench.torque, wrench[3:])
@@ -218,20 +223,20 @@ CONTACT_PARAMETERS = grouped(
     Parameter(
         BANDWIDTH,
         1.0,
-        'cutoff frequency of the first-order filter of contact_wrench',
+        'cutoff frequency of the first-order low-pass that smooths contact_wrench',
         'Hz',
         0.05,
         20.0,
         live=True,
     ),
 )
-_PERIOD_NS = 2_000_000  # [ns] between two checks for new messages
+_PERIOD_NS = 2_000_000  # [ns] between two checks for odometry and rotor commands
 
 
 class ContactTopic:
     """Subscribe to odometry and rotor commands, and publish the contact wrench.
 
-    Without a drone file this object neither subscribes nor publishes.
+    Without a drone file this object does not subscribe and does not publish.
 
     Parameters
     ----------
@@ -244,7 +249,7 @@ class ContactTopic:
     reject
         Called with the reason why an input is rejected.
     act
-        Runs an action in the loop's thread, with the time there.
+        Runs a function in the loop's thread, with the present time [s] as argument.
     """
 
     def __init__(
@@ -275,7 +280,7 @@ class ContactTopic:
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
 
     def add(self, stamp_ns: int, state: ArmState) -> None:
-        """Process the joints' state at a stamp [ns], and publish new estimates."""
+        """Process a joint state with its stamp [ns], and publish a new contact wrench."""
         estimator = self._estimator
         if estimator is None:
             return
@@ -283,7 +288,7 @@ class ContactTopic:
         if 0 <= stamp_ns - self._looked_ns < _PERIOD_NS:
             return
         self._looked_ns = stamp_ns
-        # Odometry first: the drone moved by commands that were sent earlier.
+        # Odometry first, because the measured motion results from earlier commands.
         raw = self._odometry.take_newest()
         odometry = None if raw is None else decoded_odometry(raw[0], self._reject)
         if (command := self._commands.newest()) is not None:
@@ -295,28 +300,34 @@ class ContactTopic:
         self._publish(estimator.update())
 
     def fade(self) -> float | None:
-        """Fade the last estimate; return the time until the next step [s], None at the end."""
+        """Publish the next step of the contact wrench's fading to zero.
+
+        Returns
+        -------
+        float or None
+            Time until the next step [s], None if the wrench has faded to zero.
+        """
         if self._estimator is None or (report := self._estimator.fade(FADE_STEP)) is None:
             return None
         self._publish(report)
         return FADE_STEP
 
     def set_bandwidth(self, bandwidth: float) -> None:
-        """Change the bandwidth [Hz]."""
+        """Change the cutoff frequency of the low-pass for the contact wrench [Hz]."""
         if self._estimator is not None:
             self._estimator.observer.bandwidth = bandwidth
 
     def problem(self) -> str:
-        """Return which input has been missing since the last contact estimate, or an empty text."""
+        """Return which input the contact estimate lacks, or an empty text."""
         if self._estimator is None or not self._count:
             return ''
         problem = self._estimator.problem()
         return problem and f'contact_wrench: {problem}'
 
     def describe(self) -> dict[str, object]:
-        """Return whether contact is published, and the reason if it is not."""
+        """Return the state of `contact_wrench` for /diagnostics: published, or why not."""
         if self._estimator is None:
-            text = "the drone's mass and rotors are unknown: set drone_file"
+            text = 'mass and rotors of the drone are unknown: set drone_file'
         else:
             text = self._estimator.problem() or PUBLISHED
         return {'contact': text}
@@ -337,8 +348,8 @@ class ContactTopic:
             zero = estimator.zero
             self._act(lambda _: zero.begin())
             response.message = (
-                f'the node estimates the bias of contact_wrench for {DURATION:g} s, then '
-                'subtracts it: hover without contact meanwhile'
+                f'hover without contact for {DURATION:g} s: the node now estimates the bias of '
+                'contact_wrench, and then subtracts this bias'
             )
         return response
 
@@ -354,10 +365,10 @@ _PERIOD = 0.1  # [s]
 
 
 class EnergyTopic:
-    """Sum up the arm's energy, and publish the total at 10 Hz of the arm's time.
+    """Add up the energy of the arm's drives, and publish the sums at 10 Hz.
 
-    The message has one row per cause and one column per joint. The sum of the rows is the energy
-    from the supply; the last row is the energy that the supply took back.
+    The message has one row per cause and one column per joint. All rows but the last add up to the
+    energy from the supply. The last row is the energy that the supply received from the drives.
 
     Parameters
     ----------
@@ -394,11 +405,11 @@ class EnergyTopic:
         )
 
     def add(self, now: float, state: ArmState) -> None:
-        """Process the state at `now` [s], and publish if a message is due."""
+        """Process the joint state at the time `now` [s]; publish if one period has passed."""
         self._meter.add(now, state)
-        if self._due - 2.0 * _PERIOD < now < self._due:  # otherwise the clock was set back
+        if self._due - 2.0 * _PERIOD < now < self._due:  # earlier: the clock was set back
             return
-        self._due = now + _PERIOD - 0.5e-3  # states arrive with jitter
+        self._due = now + _PERIOD - 0.5e-3  # joint states arrive with jitter
         total = self._meter.total
         joules = np.vstack([total.parts, total.recovered])
         self._publisher.publish(
@@ -406,7 +417,7 @@ class EnergyTopic:
         )
 
     def describe(self) -> dict[str, object]:
-        """Return the energies of all joints together, and the source of the winding resistances."""
+        """Return the energy by cause, and the source of each winding resistance."""
         total = self._meter.total
         report: dict[str, object] = {
             f'{name} [J]': round(float(value), 2)

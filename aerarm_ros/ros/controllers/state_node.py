@@ -1,4 +1,4 @@
-"""Base class of nodes whose loop answers joint states."""
+"""Base class of controllers and estimators, which process joint states in a loop."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
 from aerarm_ros.ros.states.state_stream import StateStream, base_header
 
 HORIZON = 0.1
-"Preview time of a plan [s]: a drone's rotors and link need some 30 ms."
+"""Duration of a published plan [s]; rotors and communication of a drone lag by about 30 ms."""
 _POINT_PERIOD = 0.02  # [s] short enough for quintic interpolation between points
 _PERIOD_NS = 10_000_000  # [ns] between two plans
 
@@ -48,10 +48,10 @@ _SECOND = 1_000_000_000
 
 
 class PlanTopic:
-    """Publish the motion of the next 0.1 s at 100 Hz of the arm's time.
+    """Publish the motion that a controller plans for the next 0.1 s, at 100 Hz.
 
-    This object is an `Attendant` of a controller. The loop's thread calls `update` after it has
-    sent a command, so that no command is delayed.
+    A PlanTopic is an `Attendant` of a controller. The loop's thread calls `update` after it has
+    sent a command, so the plan does not delay the command.
 
     Parameters
     ----------
@@ -60,9 +60,10 @@ class PlanTopic:
     joint_names
         Joint names in the order of all arrays.
     stamp_ns
-        Returns the stamp of the newest state [ns], None before the first.
+        Returns the stamp of the newest joint state [ns], None before the first.
     ahead
-        Returns the references (M, n) at times (M,) after that state [s], None if they are unknown.
+        Returns the references (M, n) at the times (M,) after the newest joint state [s], None if
+        the references are unknown.
     """
 
     def __init__(
@@ -75,7 +76,7 @@ class PlanTopic:
         self._node = node
         self._stamp_ns = stamp_ns
         self._ahead = ahead
-        self._told_ns = -_PERIOD_NS
+        self._published_ns = -_PERIOD_NS
         topic = topics.PLANNED_MOTION
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._message = JointTrajectory(joint_names=list(joint_names))
@@ -85,13 +86,13 @@ class PlanTopic:
         ]
 
     def update(self) -> None:
-        """Publish the plan if it is due and has subscribers."""
+        """Publish the plan if one period has passed and the topic has subscribers."""
         stamp_ns = self._stamp_ns()
-        if stamp_ns is None or 0 <= stamp_ns - self._told_ns < _PERIOD_NS:
+        if stamp_ns is None or 0 <= stamp_ns - self._published_ns < _PERIOD_NS:
             return
-        self._told_ns = stamp_ns
+        self._published_ns = stamp_ns
         if not self._publisher.get_subscription_count():
-            return  # Without subscribers, save a tenth of the loop's time.
+            return  # The computation of a plan takes a tenth of the loop's time.
         plan = self._ahead(_TIMES)
         if plan is None:
             return
@@ -102,7 +103,7 @@ class PlanTopic:
         self._publisher.publish(message)
 
     def give_up(self, reason: str) -> None:
-        """Publish nothing: an uncontrolled arm has no plan."""
+        """Publish nothing, because no motion is planned while the arm is not controlled."""
 
     def destroy(self) -> None:
         """Destroy the publisher."""
@@ -110,20 +111,20 @@ class PlanTopic:
 
 
 def state_node_parameters(*parameters: Parameter) -> ParameterTable:
-    """Return the parameters of a state node: the common ones and its own."""
+    """Return the parameters of a state node: those given, and those of all state nodes."""
     return ParameterTable(*ARM_PARAMETERS, *LOOP_PARAMETERS, *parameters)
 
 
-# [ns] States further apart than this are not consecutive.
+# [ns] Two joint states with a longer interval between their stamps are not consecutive.
 _GAP_NS = 5_000_000
 
 
 class StateNode:
-    """Call `answer` for every joint state, with the base's motion up to date.
+    """Process joint states in a loop: update the base motion, then call `answer`.
 
     The loop runs in the thread that calls `run`. An executor in another thread serves topics,
-    parameters and diagnostics. The executor queues its inputs, which the loop processes between
-    two states. So only the loop's thread uses the ROS-free objects.
+    parameters and diagnostics. This executor queues its inputs, and the loop processes them between
+    two joint states. Therefore only the loop's thread uses the ROS-free objects.
 
     Parameters
     ----------
@@ -135,12 +136,12 @@ class StateNode:
     Attributes
     ----------
     node, values, arm, base
-        The ROS node, its parameters, the arm and the motion of its base.
+        The ROS node, the values of its parameters, the arm, and the estimator of the base motion.
     answers
-        Messages that the node publishes in answer to states.
+        Messages that the node publishes in answer to joint states.
     state, stamp_ns
-        The newest state, None before the first, and its stamp [ns]. The stamp is the node's only
-        time, because the time of an emulated arm differs from the host's.
+        The newest joint state, None before the first, and its stamp [ns]. The node uses no other
+        clock than these stamps, because an emulated arm has its own time.
     status
         Exit status after `run`.
 
@@ -150,15 +151,15 @@ class StateNode:
         If a parameter or a file cannot be used.
     """
 
-    answers_every_state = True  # False for a node with a rate of its own
+    answers_every_state = True  # False for a node that publishes at another rate
     takes_odometry = False
-    states_waiting = 1  # queue length; above 1 no state is left out, however late it is
+    states_waiting = 1  # queue length; above 1 the node also processes delayed joint states
 
     def __init__(self, name: str, parameters: ParameterTable) -> None:
         self.status = 0
         self.state: ArmState | None = None
         self.stamp_ns = 0
-        self._state_arrival = 0.0  # arrival of the newest state, in this host's time [s]
+        self._state_arrival = 0.0  # arrival of the newest state on the monotonic clock [s]
         self._requests: deque[Callable[[float], None]] = deque()
         self._stopping = False
         self.node = rclpy.create_node(name)
@@ -197,28 +198,28 @@ class StateNode:
         """Create publishers and subscriptions."""
 
     def take_imu(self, sample: ImuSample, now: float) -> None:
-        """Process an IMU sample that arrived at `now` [s]; may raise RejectedInputError."""
+        """Process an IMU sample that arrived at time `now` [s]; may raise RejectedInputError."""
         self.base.offer(sample, now)
 
     def take_odometry(self, message: Odometry, now: float) -> None:
-        """Process an odometry message that arrived at `now` [s]; may raise RejectedInputError."""
+        """Process odometry that arrived at time `now` [s]; may raise RejectedInputError."""
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Process a state, and call `count_answer` if the node answers the state."""
+        """Process a joint state, and call `count_answer` if the node publishes an answer."""
         raise NotImplementedError
 
     def silence(self, silent_for: float) -> float:
-        """Act while no states arrive; return the time until the next call [s].
+        """Do work while no joint states arrive; return the time until the next call [s].
 
         Parameters
         ----------
         silent_for
-            Time since the newest state arrived [s], more than state_timeout.
+            Time since the newest joint state arrived [s], which exceeds state_timeout.
         """
         return float(self.values.state_timeout)
 
     def leave(self) -> None:
-        """Act after the last state, while the executor still spins."""
+        """Do work at the end of the node, while the executor still spins."""
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Apply a changed live parameter, in the loop's thread; may raise ValueError."""
@@ -227,11 +228,11 @@ class StateNode:
         """Raise ValueError if a live parameter's new value is invalid; callable from any thread."""
 
     def warning(self) -> str:
-        """Return the warning for diagnostics; empty if there is none."""
+        """Return the warning for /diagnostics, or an empty text."""
         return self.base.problem(self.stamp_ns * 1e-9)
 
     def describe(self) -> dict[str, object]:
-        """Return the values for diagnostics."""
+        """Return the values for /diagnostics."""
         return {'base motion': self.base.status(self.stamp_ns * 1e-9)}
 
     # Methods for derived nodes to call.
@@ -239,7 +240,7 @@ class StateNode:
     def listen(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
         """Subscribe to a topic; the loop's thread calls `act(message, now)`.
 
-        A message for which `act` raises RejectedInputError is reported and has no effect.
+        If `act` raises RejectedInputError, the node reports the rejection of the message.
         """
 
         def store(message: Any) -> None:
@@ -248,30 +249,30 @@ class StateNode:
         self.node.create_subscription(topic.type, topic.name, store, topic.qos)
 
     def act(self, action: Callable[[float], None]) -> None:
-        """Run an action (it may reject its input) in the loop's thread before the next answer."""
+        """Run a function in the loop's thread before the next joint state is answered."""
         self._requests.append(action)
 
     def advertise(self, topic: Topic) -> Any:
-        """Return a publisher of the topic."""
+        """Create a publisher of the topic, and return it."""
         return self.node.create_publisher(topic.type, topic.name, topic.offered)
 
     def since_state_ns(self) -> int:
-        """Return the time since the newest state was published, in this host's time [ns]."""
+        """Return the time since the newest joint state was published, by this host's clock [ns]."""
         return self._stream.latency_ns()
 
     def count_answer(self, latency_ns: int | None = None) -> None:
-        """Count the newest state as answered, now or with the given latency [ns]."""
+        """Count the newest joint state as answered, with the latency [ns] given or until now."""
         self.diagnostics.latency.add(self.since_state_ns() if latency_ns is None else latency_ns)
 
     def reject(self, reason: str) -> None:
-        """Report a rejected input."""
+        """Count and log a rejected input."""
         self.diagnostics.add_rejection(reason)
         self.node.get_logger().warning(rejection(reason), throttle_duration_sec=1.0)
 
     # The loop.
 
     def run(self) -> None:
-        """Answer states until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        """Process joint states until SIGINT, SIGTERM, SIGHUP or a shutdown."""
         with StopSignals(self._on_stop), BackgroundExecutor(self.node):
             prepare_thread(self.values, self.node.get_logger())
             patience = self.values.state_timeout
@@ -303,7 +304,7 @@ class StateNode:
         late = []
         for sample, lead_ns in samples:
             if lead_ns <= 0 or round(1e9 * sample.stamp) >= stamp_ns:
-                # Compare the stamps too, because messages of two topics may overtake each other.
+                # Messages of two topics may overtake each other, so compare the stamps too.
                 late.append(sample)
             else:
                 self._offer(sample, _arrival(before_ns, stamp_ns, lead_ns))
@@ -321,7 +322,7 @@ class StateNode:
             self._try(partial(self.base.offer_rotors, *thrusts[:3]), came_ns)
 
     def _rotor_names(self) -> tuple[str, ...]:
-        """Return the rotors whose commands the node needs."""
+        """Return the names of the rotors whose commands the base-motion estimator needs."""
         drone = self.arm.drone if isinstance(self.base, FreeBaseEstimator) else None
         return () if drone is None else drone.rotor_names
 
@@ -367,19 +368,19 @@ class StateNode:
 
 
 def _arrival(before_ns: int, stamp_ns: int, lead_ns: int) -> int:
-    """Return the arrival time of an IMU sample by the clock of the joint states [ns].
+    """Return the arrival time of an IMU sample on the clock of the joint states [ns].
 
-    The arrival is the stamp of the state before the sample, because the clocks of drone, arm and
-    host may differ. After a gap, such as a pause of this process, many samples follow one state.
-    After such a gap, the arrival is the new state's stamp minus the interval measured on this
-    host.
+    The clocks of drone, arm and host may differ, so the arrival time is the stamp of the joint
+    state before the sample. After a gap, for example a pause of this process, many samples follow
+    one joint state. Then the arrival time is the stamp of the new joint state minus the interval
+    that this host measured between both arrivals.
 
     Parameters
     ----------
     before_ns, stamp_ns
-        Stamps of the previous and of the new state [ns].
+        Stamps of the previous and of the new joint state [ns].
     lead_ns
-        Time from the sample's arrival to that of the new state [ns].
+        Time from the arrival of the sample to the arrival of the new joint state [ns].
     """
     if stamp_ns - before_ns <= _GAP_NS:
         return before_ns

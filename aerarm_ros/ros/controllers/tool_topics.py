@@ -1,4 +1,4 @@
-"""Topics with targets for the tool, and with the tool's pose."""
+"""Subscription to target positions of the tool, and publisher of the tool's pose."""
 
 from __future__ import annotations
 
@@ -21,17 +21,29 @@ from aerarm_ros.ros.states.state_stream import base_header
 TARGET_PARAMETERS = (
     Parameter('frame', 'tool0', 'link that the controller moves'),
     Parameter(
-        'target_frequency', 15.0, 'bandwidth of the reference path to a target', 'rad/s', 0.1, 100.0
+        'target_frequency',
+        15.0,
+        'natural frequency of the second-order filter that moves the reference to the target',
+        'rad/s',
+        0.1,
+        100.0,
     ),
-    Parameter('tool_velocity_max', 0.8, 'largest velocity of the reference', 'm/s', 1e-3, 10.0),
     Parameter(
-        'tool_acceleration_max', 4.0, 'largest acceleration of the reference', 'm/s^2', 1e-2, 100.0
+        'tool_velocity_max', 0.8, "largest velocity of the tool's reference", 'm/s', 1e-3, 10.0
+    ),
+    Parameter(
+        'tool_acceleration_max',
+        4.0,
+        "largest acceleration of the tool's reference",
+        'm/s^2',
+        1e-2,
+        100.0,
     ),
 )
 
 
 def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetFollower:
-    """Create the reference generator, which rejects targets beyond the stretched arm."""
+    """Create the generator of tool references, which rejects targets beyond the arm's length."""
     return TargetFollower(
         Kinematics(arm.robot, values.frame),
         values.target_frequency,
@@ -42,7 +54,7 @@ def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetF
 
 
 def _stretched_length(arm: ControlledArm, frame: str) -> float:
-    """Return the stretched arm's length [m]: the distances between joints and to the frame."""
+    """Return the length of the stretched arm from the base to the frame [m]."""
     model, frame = arm.robot.model, arm.robot.full_name(frame)
     offsets = [model.jointPlacements[index].translation for index in range(1, model.njoints)]
     offsets.append(model.frames[model.getFrameId(frame)].placement.translation)
@@ -53,7 +65,7 @@ _POSE_PERIOD = 0.02  # [s]
 
 
 class ToolTopics:
-    """Pass tool_trajectory to a target follower, and publish tool_pose.
+    """Pass the targets on `tool_trajectory` to a target follower, and publish `tool_pose`.
 
     Parameters
     ----------
@@ -62,14 +74,14 @@ class ToolTopics:
     follower
         Receiver of the targets.
     frame
-        Link that is moved.
+        Link that the controller moves.
     """
 
     def __init__(self, controller: ControllerNode, follower: TargetFollower, frame: str) -> None:
         self._controller = controller
         self._follower = follower
         self._base = controller.arm.robot.base_link
-        # A separate instance, because it works in the executor's thread.
+        # A separate instance for the executor's thread, because `Kinematics` has working memory.
         self._kinematics = Kinematics(controller.arm.robot, frame)
         pose = topics.TOOL_POSE
         self._poses = controller.node.create_publisher(pose.type, pose.name, pose.offered)
@@ -80,7 +92,8 @@ class ToolTopics:
         frame = message.header.frame_id
         if frame not in ('', self._base):
             raise RejectedInputError(
-                f'tool target rejected: its frame is {frame!r}; send it in {self._base!r}'
+                f'tool target rejected, because its frame is {frame!r}: send the target in the '
+                f'frame {self._base!r}'
             )
         p = message.pose.position
         self._follower.set_target([p.x, p.y, p.z], now)

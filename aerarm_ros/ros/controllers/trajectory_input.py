@@ -1,4 +1,4 @@
-"""JointTrajectory and set point messages for a trajectory follower."""
+"""Topics and action through which a controller receives joint trajectories and set points."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ TRAJECTORY_PARAMETERS = (
     *FOLLOWER_PARAMETERS,
     *REACTION_PARAMETERS,
 )
-"""Parameters of each `TrajectoryController`."""
+"""Parameters of every controller derived from `TrajectoryController`."""
 
-# [s] Bounds of a trajectory's start before and after the present time.
-_LATEST, _EARLIEST = 1.0, 60.0
+# [s] A trajectory may start at most this long before and after the present time.
+_MAX_BEFORE, _MAX_AFTER = 1.0, 60.0
 
 
 def follow_trajectory(
@@ -66,18 +66,18 @@ def follow_trajectory(
     partial: bool = False,
     reaction: ContactReaction | None = None,
 ) -> None:
-    """Follow a trajectory from its stamp, or from `now` [s] if the stamp is zero.
+    """Start a trajectory at the time of its stamp, or at `now` [s] if the stamp is zero.
 
     A trajectory without points stops the arm. Raises RejectedInputError.
 
     Parameters
     ----------
     follower, message, now
-        Follower, trajectory, and present time [s].
+        Trajectory follower, trajectory message, and present time [s].
     partial
-        Whether the message may omit joints, which then stay at their reference.
+        Whether the message may omit joints; omitted joints stay at their present reference.
     reaction
-        Rejects streamed points during contact.
+        Contact reaction, which rejects streamed points during contact.
     """
     if not message.points:
         follower.stop(now, 'stopped: empty trajectory')
@@ -95,15 +95,15 @@ def read_trajectory(
     now: float,
     staying: npt.NDArray[np.float64] | None = None,
 ) -> tuple[JointTrajectory, float | None]:
-    """Return a message's trajectory and its start [s], None for an immediate start.
+    """Return the trajectory of a message and its start time [s]; None starts it immediately.
 
     Parameters
     ----------
     limits, message, now
-        Limits of the arm, trajectory, and time at which the message was read [s].
+        Limits of the arm, trajectory message, and present time [s].
     staying
-        Positions (n,) [rad] of joints that the message omits, as joint_trajectory_controller does
-        with `allow_partial_joints_goal`. Without this argument the message must name all joints.
+        Positions (n,) [rad] at which omitted joints stay, as in joint_trajectory_controller with
+        `allow_partial_joints_goal`. Without this argument the message must name all joints.
 
     Raises
     ------
@@ -123,22 +123,22 @@ def read_trajectory(
         [_filled(p.accelerations, zero) for p in points],
     )
     stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-    if stamp and not -_LATEST <= stamp - now <= _EARLIEST:
+    if stamp and not -_MAX_BEFORE <= stamp - now <= _MAX_AFTER:
         raise RejectedInputError(
-            f'trajectory rejected, because its stamp is {stamp - now:+.1f} s from now (allowed: '
-            f'{-_LATEST:+g} to {_EARLIEST:+g}): set the stamp to zero ("now"), and check the '
-            'clocks'
+            f'trajectory rejected, because its stamp differs by {stamp - now:+.1f} s from the time '
+            f'of the joint states (allowed: {-_MAX_BEFORE:+g} to {_MAX_AFTER:+g} s): set the stamp '
+            'to zero to start at once, or check the clocks'
         )
     return trajectory, stamp or None
 
 
 def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
-    """Return the joints that a message omits; raises RejectedInputError if no joint fits."""
+    """Return the indices of omitted joints; raises RejectedInputError if the names are invalid."""
     names = list(message.joint_names)
     if not names or len(set(names)) < len(names) or not set(names) <= set(limits.names):
         raise RejectedInputError(
-            f'joint names {names} do not match the arm: name some of {list(limits.names)}, each '
-            'once'
+            f'trajectory rejected, because its joint names {names} do not match the arm: name '
+            f'joints of {list(limits.names)}, each once'
         )
     for what in ('positions', 'velocities', 'accelerations'):
         counts = [len(getattr(point, what)) for point in message.points]
@@ -146,7 +146,7 @@ def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
             if any(counts) and count != len(names):
                 raise RejectedInputError(
                     f'trajectory rejected, because point {index} has {count} {what} for '
-                    f'{len(names)} joints: set one per joint, at every point or at none'
+                    f'{len(names)} joints: set {what} of all joints, in all points or in none'
                 )
     return [joint for joint, name in enumerate(limits.names) if name not in names]
 
@@ -156,14 +156,19 @@ def _filled(given: Sequence[float], others: Sequence[float]) -> list[float]:
 
 
 def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: float) -> None:
-    """Move to the positions of a set point. Raises RejectedInputError."""
+    """Move the arm to the joint positions of a set point; raises RejectedInputError."""
     limits: JointLimits = follower.limits
     order = limits.order(list(message.name))
     if len(message.position) != limits.n:
-        raise RejectedInputError(f'set point rejected: it must have {limits.n} positions')
+        raise RejectedInputError(
+            f'set point rejected, because it has {len(message.position)} positions: set '
+            f'{limits.n} positions, one per joint'
+        )
     q = np.array(message.position)[order]
     if not np.all(np.isfinite(q)):
-        raise RejectedInputError('set point rejected: positions must be finite numbers')
+        raise RejectedInputError(
+            'set point rejected, because a position is NaN or infinite: set finite numbers'
+        )
     follower.go_to(q, now)
 
 
@@ -177,19 +182,19 @@ def serve_trajectories(
     follower: TrajectoryFollower,
     problem: Callable[[], str] = lambda: '',
 ) -> None:
-    """Serve the action `~/follow_joint_trajectory`, unless control_msgs is missing.
+    """Serve the action `~/follow_joint_trajectory` if control_msgs is installed.
 
     Parameters
     ----------
     controller, follower
-        Controller and the follower that it runs.
+        Controller, and its trajectory follower.
     problem
         Returns why the controller accepts no goal now, or an empty text.
     """
     if find_spec('control_msgs') is None:
         controller.node.get_logger().info(
-            f'control_msgs is not installed, so the action ~/{NAME} is not available: send '
-            'trajectories on the topic'
+            f'control_msgs is not installed, so the action ~/{NAME} is not available: install '
+            'ros-jazzy-control-msgs, or send trajectories on the topic joint_trajectory'
         )
         return
     action_type = import_module('control_msgs.action').FollowJointTrajectory
@@ -197,14 +202,14 @@ def serve_trajectories(
 
 
 class TrajectoryController(ControllerNode):
-    """Controller that runs a trajectory follower on joint trajectories and set points.
+    """Base class of controllers that follow joint trajectories and set points.
 
     Attributes
     ----------
     follower, law
-        Follower and control law, which `make_loop` creates.
+        Trajectory follower and control law, which `make_loop` creates.
     reaction
-        Reaction to contact, after `subscribe`.
+        Reaction to contact, which `subscribe` creates.
     """
 
     follower: TrajectoryFollower
@@ -212,7 +217,7 @@ class TrajectoryController(ControllerNode):
     reaction: ContactReaction
 
     def refusal(self) -> str:
-        """Return why the controller accepts no reference now, or an empty text."""
+        """Return why the controller accepts no trajectory or set point now, or an empty text."""
         return ''
 
     def ahead(self, times: npt.NDArray[np.float64]) -> JointReference | None:
@@ -246,7 +251,7 @@ class TrajectoryController(ControllerNode):
             setattr(self.law, name, non_negative(name, scalar_or_array(value), self.arm.config.n))
 
     def describe(self) -> dict[str, object]:
-        """Return the progress of the motion for diagnostics."""
+        """Return the state of the present and of the last motion, for /diagnostics."""
         motion = {'motion': self.follower.status, 'last motion': self.follower.outcome}
         return {**super().describe(), **motion}
 
@@ -256,12 +261,15 @@ class TrajectoryController(ControllerNode):
 
 
 class TrajectoryAction:
-    """Action server; `TrajectoryGoals` evaluates the goals in the loop's thread.
+    """Action server for joint trajectories.
+
+    `TrajectoryGoals` starts, watches and ends the goals in the loop's thread. The server answers
+    its clients in the executor's thread.
 
     Parameters
     ----------
     controller, follower
-        Controller and the follower that it runs.
+        Controller, and its trajectory follower.
     action_type
         control_msgs/action/FollowJointTrajectory.
     problem
@@ -281,11 +289,11 @@ class TrajectoryAction:
         self._problem = problem
         self._goals = TrajectoryGoals(follower)
         self._own = follower.tolerances
-        # Goals that wait for their result, and goals with a result, by id.
+        # Goals without a result, and goals that have ended with a result, by their ids.
         self._waiting: dict[Any, tuple[Any, Future]] = {}
         self._ended: deque[tuple[Any, GoalResult]] = deque()
         node = controller.node
-        self._news = node.create_guard_condition(self._hand_over)
+        self._news = node.create_guard_condition(self._set_results)
         self._timer = create_steady_timer(
             node, _FEEDBACK_PERIOD, self._publish_feedback, autostart=False
         )
@@ -301,11 +309,11 @@ class TrajectoryAction:
     # In the loop's thread.
 
     def update(self) -> None:
-        """Finish a goal that ended with the follower's last update."""
+        """End the goal if the follower's last update reached or aborted it."""
         self._end(self._goals.update())
 
     def give_up(self, reason: str) -> None:
-        """Abort the active goal: the arm is no longer controlled."""
+        """Abort the active goal, because the arm is no longer controlled."""
         self._end(self._goals.give_up(reason))
 
     def destroy(self) -> None:
@@ -340,8 +348,8 @@ class TrajectoryAction:
                 time.sec + time.nanosec / _BILLION,
             )
         except RejectedInputError as error:
-            # joint_trajectory_controller uses the defaults too.
-            self._controller.reject(f'{error}; the default tolerances are used')
+            # joint_trajectory_controller also uses the default tolerances in this case.
+            self._controller.reject(f'{error}; the controller uses the default tolerances instead')
             return self._own
 
     def _end(self, ended: list[tuple[Any, GoalResult]]) -> None:
@@ -358,15 +366,15 @@ class TrajectoryAction:
                 raise RejectedInputError(problem)
             if not request.trajectory.points:
                 raise RejectedInputError(
-                    f'{NAME} rejected, because the trajectory has no points: add at least one'
+                    f'{NAME} rejected, because the trajectory has no points: add at least one point'
                 )
             if request.multi_dof_trajectory.points:
                 raise RejectedInputError(
-                    f'{NAME} rejected, because the trajectory moves joints with several degrees '
-                    'of freedom: send only joints with one'
+                    f'{NAME} rejected, because multi_dof_trajectory contains points: leave this '
+                    'field empty'
                 )
             now = self._controller.stamp_ns / _BILLION
-            # Read with the present state; a change before the loop starts the goal aborts it.
+            # The goal is checked with the present state, and again when the loop starts it.
             trajectory, start = self._read(request, now)
             self._follower.check_goal(trajectory, now, start)
         except RejectedInputError as error:
@@ -389,7 +397,7 @@ class TrajectoryAction:
         self._controller.node.get_logger().info(f'{NAME}: {ended.state}: {ended.text}')
         return self._type.Result(error_code=int(ended.code), error_string=ended.text)
 
-    def _hand_over(self) -> None:
+    def _set_results(self) -> None:
         while self._ended:
             goal, result = self._ended.popleft()
             if goal in self._waiting:

@@ -1,6 +1,6 @@
-"""User settings: tables of parameters, and parameters that several nodes share.
+"""ROS parameters of the nodes: their description, declaration and check.
 
-A table and the user's values (command line, YAML file) give up-to-date values, or a
-`ParameterError` with the valid range. Shared parameters are the files of arm and drone, and
-real-time settings of the operating system.
+A table of parameters is declared on a node, which applies the user's values (command line, YAML
+file). An invalid value causes a `ParameterError` that states the valid range. Several nodes share
+the parameters for the files of arm and drone, and the real-time settings.
 """

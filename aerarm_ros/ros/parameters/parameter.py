@@ -1,4 +1,4 @@
-"""One parameter of a node: name, type, default, bounds and description, without ROS."""
+"""Description of a node's parameter: name, type, default, bounds and meaning, without ROS."""
 
 import math
 from collections.abc import Sequence
@@ -12,28 +12,28 @@ ParameterValue = (
 
 @dataclass(frozen=True)
 class Parameter:
-    """A node's parameter with all its documentation.
+    """Parameter of a node, with everything that help texts and checks need.
 
     Attributes
     ----------
     name
         Name, lower case with underscores.
     default
-        Default value, which determines the type. For an empty list, also set `element`.
+        Default value, which determines the type. If it is an empty list, also set `element`.
     description
-        Meaning, in one sentence.
+        Meaning of the parameter, as a noun phrase.
     unit
         SI unit, '' for none.
     minimum, maximum
-        Smallest and largest allowed value; for a list, of every element.
+        Smallest and largest allowed value, for a list of each element.
     choices
         The allowed values of a string or integer.
     live
         Whether the value may change while the node runs.
     element
-        Type of the elements of a list whose default is empty.
+        Type of the elements, for a list with an empty default.
     group
-        Heading in the help text; '' for the node's own parameters, which come first.
+        Heading in the help text. Parameters without a heading ('') come first.
     """
 
     name: str
@@ -49,18 +49,18 @@ class Parameter:
 
     @property
     def kind(self) -> str:
-        """Name of the type in ROS, for example 'double' or 'string_array'."""
+        """Name of the parameter's ROS type, for example 'double' or 'string_array'."""
         if isinstance(self.default, (list, tuple)) and not self.default:
             return _kind([self.element()])
         return _kind(self.default)
 
     @property
     def is_list(self) -> bool:
-        """Whether the value is a list."""
+        """Whether the parameter's value is a list."""
         return self.kind.endswith('_array')
 
     def heading(self) -> str:
-        """Return name, type, unit, default, bounds and whether the value is live, in one line."""
+        """Return a line with name, type, unit, default and bounds, for the help text."""
         kind = self.kind.replace('_array', ' list')
         default = self._default_text()
         details = (
@@ -72,7 +72,7 @@ class Parameter:
         return f'{self.name} ({", ".join(filter(None, details))})'
 
     def adapt(self, value: Any) -> Any:
-        """Convert whole numbers to floating-point numbers for a floating-point parameter."""
+        """Convert whole numbers in a value to floats if the parameter has floating-point type."""
         if self.kind == 'double' and _is_whole(value):
             return float(value)
         if self.kind == 'double_array' and isinstance(value, list):
@@ -80,7 +80,7 @@ class Parameter:
         return value
 
     def problem(self, value: Any) -> str | None:
-        """Return why a value is invalid and which values are valid, or None."""
+        """Return why a value is invalid and which values are valid; None for a valid value."""
         elements = value if isinstance(value, (list, tuple)) else (value,)
         if self.has_type(value) and all(self._is_allowed(element) for element in elements):
             return None
@@ -117,22 +117,22 @@ class Parameter:
         return '' if self.maximum is None else f'at most {self.maximum}'
 
     def _default_text(self) -> str:
-        """Return the default in the form for `NAME:=`; '' if it is empty."""
+        """Return the default as on the command line after `NAME:=`; '' for an empty default."""
         if isinstance(self.default, (list, tuple)):
             return f'[{", ".join(map(str, self.default))}]' if self.default else ''
         return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
 
     def constraints(self) -> str:
-        """Return the bounds, and whether the value is read-only, for `ros2 param describe`."""
+        """Return a text for `ros2 param describe`: the bounds, and whether it is read-only."""
         when = (
             ''
             if self.live
-            else ('this parameter is read-only: set it when the node starts, -p NAME:=VALUE')
+            else 'read-only while the node runs: set the value at the start with -p NAME:=VALUE'
         )
         return '; '.join(filter(None, (self._bounds(), when)))
 
 
-# In this order, because a bool is an int in Python.
+# bool comes before int, because a bool is an int in Python.
 _TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
 _KINDS = {
     'bool': 'true or false',
@@ -147,7 +147,7 @@ _KINDS = {
 
 
 def _kind(value: Any) -> str:
-    """Return the name of a value's type in ROS, '' for other types and mixed lists."""
+    """Return the ROS type name of a value, '' for a type that ROS parameters cannot have."""
     if isinstance(value, (list, tuple)):
         kinds = {_kind(element) for element in value}
         return f'{kinds.pop()}_array' if len(kinds) == 1 else ''
@@ -159,5 +159,5 @@ def _is_whole(value: Any) -> bool:
 
 
 def grouped(group: str, *parameters: Parameter) -> tuple[Parameter, ...]:
-    """Return parameters under a heading of the help, unless they already have another heading."""
+    """Assign a heading of the help text to parameters that have none, and return all of them."""
     return tuple(item if item.group else replace(item, group=group) for item in parameters)

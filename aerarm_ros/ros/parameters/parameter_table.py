@@ -1,4 +1,4 @@
-"""Parameters of a node, declared in one table."""
+"""Declare and check the parameters of a node."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -18,8 +18,8 @@ from aerarm_ros.ros.parameters.parameter import Parameter
 
 _SIM_TIME = 'use_sim_time'
 _IGNORED = (
-    f'{_SIM_TIME} is ignored, because this node uses the stamps of received messages, or '
-    'the system clock'
+    f'{_SIM_TIME} has no effect, because this node uses the stamps of received messages or the '
+    'system clock as time: remove this setting'
 )
 
 LiveCallback = Callable[[str, Any], None]
@@ -27,19 +27,19 @@ Check = Callable[[dict[str, Any]], str]
 
 
 class ParameterError(ValueError):
-    """A parameter's start value is invalid."""
+    """Error for an invalid value of a parameter at the start of a node."""
 
 
 class ParameterTable:
-    """The parameters of a node: declared, checked and kept up to date.
+    """Table of all parameters of a node, which declares and checks them.
 
-    An invalid value is rejected with the valid range, never clamped. Floating-point parameters
-    accept whole numbers, so `-p rate:=100` equals `-p rate:=100.0`.
+    The node rejects an invalid value and states the valid range; it never clamps a value.
+    Floating-point parameters accept whole numbers, so `-p rate:=100` equals `-p rate:=100.0`.
 
     Parameters
     ----------
     parameters
-        The table.
+        All parameters of the node.
 
     Raises
     ------
@@ -50,11 +50,11 @@ class ParameterTable:
     def __init__(self, *parameters: Parameter) -> None:
         self._parameters = {parameter.name: parameter for parameter in parameters}
         if len(self._parameters) != len(parameters):
-            raise ValueError(f'a parameter is twice in the table: {[p.name for p in parameters]}')
+            raise ValueError(f'two parameters have the same name: {[p.name for p in parameters]}')
         for parameter in parameters:
             problem = parameter.problem(parameter.default)
             if problem:
-                raise ValueError(f'the default is not allowed: {problem}')
+                raise ValueError(f'the default value is invalid: {problem}')
 
     def __iter__(self) -> Iterator[Parameter]:
         return iter(self._parameters.values())
@@ -62,23 +62,23 @@ class ParameterTable:
     def declare(
         self, node: Node, on_change: LiveCallback | None = None, check: Check | None = None
     ) -> SimpleNamespace:
-        """Declare the table on a node, and keep the node on the system clock.
+        """Declare the parameters on a node, and make the node use the system clock.
 
         Parameters
         ----------
         node
             Node whose parameter overrides (command line, YAML) are applied.
         on_change
-            Called with name and value after a live parameter was set, in the thread of the node's
-            parameter services.
+            Called with name and value after a live parameter was set, in the thread that serves the
+            node's parameters.
         check
-            Called with the new values, by name, before live parameters are set together. Returns
-            why they are invalid, or an empty text. Same thread.
+            Called in the same thread with the new values by name, before live parameters are set.
+            Returns why the values are invalid, or an empty text.
 
         Returns
         -------
         SimpleNamespace
-            One up-to-date attribute per parameter.
+            Present value of each parameter, as attribute with the parameter's name.
 
         Raises
         ------
@@ -112,10 +112,10 @@ class ParameterTable:
         return values
 
     def _declare_one(self, node: Node, parameter: Parameter) -> Any:
-        # An open type at first, so that the error message can show the user's value.
+        # The type is dynamic at first, so that the error message can contain the user's value.
         open_type = ParameterDescriptor(dynamic_typing=True)
         given = node.declare_parameter(parameter.name, _plain(parameter.default), open_type)
-        # rcl reads the empty list of a parameter file as an unset parameter.
+        # rcl represents an empty list in a parameter file as an unset parameter.
         is_empty_list = given.value is None and parameter.is_list
         value = [] if is_empty_list else parameter.adapt(_plain(given.value))
         problem = parameter.problem(value)
@@ -145,7 +145,7 @@ class ParameterTable:
 
 
 def _descriptor(parameter: Parameter) -> ParameterDescriptor:
-    """Return the descriptor for `ros2 param describe`."""
+    """Return the ROS descriptor of a parameter, which `ros2 param describe` prints."""
     unit = f' [{parameter.unit}]' if parameter.unit else ''
     descriptor = ParameterDescriptor(
         name=parameter.name,
@@ -156,7 +156,7 @@ def _descriptor(parameter: Parameter) -> ParameterDescriptor:
     )
     if parameter.minimum is None and parameter.maximum is None:
         return descriptor
-    # ROS has two-sided ranges only, so an open side becomes the largest number.
+    # A ROS range needs both bounds, so a missing bound becomes the largest number.
     if parameter.kind == 'double':
         low = -math.inf if parameter.minimum is None else float(parameter.minimum)
         high = math.inf if parameter.maximum is None else float(parameter.maximum)
@@ -173,12 +173,12 @@ def _ros_type(parameter: Parameter) -> RosParameter.Type:
 
 
 def _use_system_clock(node: Node) -> None:
-    """Switch simulated time off, because it would differ from the time of the states' stamps."""
+    """Switch `use_sim_time` off, because the node's time is that of the joint states' stamps."""
     if node.get_parameter(_SIM_TIME).value:
         node.get_logger().warning(_IGNORED)
         node.set_parameters([RosParameter(_SIM_TIME, value=False)])
 
 
 def _plain(value: Any) -> Any:
-    """Convert tuples and rclpy's arrays to lists."""
+    """Convert tuples and arrays to lists, and leave other values unchanged."""
     return list(value) if hasattr(value, '__len__') and not isinstance(value, str) else value

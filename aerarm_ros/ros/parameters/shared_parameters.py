@@ -1,4 +1,4 @@
-"""Parameters that several nodes share: files of arm and drone, and real-time settings."""
+"""Parameters of several nodes: files of arm and drone, surroundings, and real-time settings."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ from aerarm_ros.realtime.scheduling import (
 )
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
-if TYPE_CHECKING:  # loaded only by nodes with a drone or planned motion
+if TYPE_CHECKING:  # imported at run time only by nodes with a drone or planned motion
     from aerarm_ros.description.drone_config import DroneConfig
     from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 
 ARM_FILES = grouped(
     'Arm',
-    Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
+    Parameter('config', '',
+        'YAML file of the arm configuration (boards, motors, limits); the packaged arm if empty'),
     Parameter('urdf', '',
-        'URDF of the arm, for example an identified one; the packaged arm if empty'),
+        'URDF file of the arm, for example identified.urdf; the packaged arm if empty'),
     Parameter('tf_prefix', '', (
-        'prefix of all link and joint names on topics, for example left_, for several arms in '
+        'prefix of all link and joint names on topics, for example left_, if several arms share '
         'one tf tree; names in files and parameters have no prefix'
     )),
 )  # fmt: skip
@@ -39,16 +40,18 @@ ARM_FILES = grouped(
 
 SURROUNDINGS = (
     Parameter('excitation_config', '',
-        'YAML file of obstacles and usable fractions of the limits; the packaged file if empty'),
+        'YAML file with obstacles and with the fraction of each limit that motions may use; the '
+        'packaged file if empty'),
     Parameter('package_directories', [''],
-        'search path for package:// meshes of the URDF, in addition to its parent folders'),
+        'folders in which to search for the package:// meshes of the URDF, in addition to the '
+        'parent folders of the URDF'),
 )  # fmt: skip
 
 
 def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> ExcitationSetup:
-    """Return the motion checks that the values of `SURROUNDINGS` describe.
+    """Return limits and clearance checks for motions, as the values of `SURROUNDINGS` specify.
 
-    Under a drone (`DRONE_FILE`) no ground is in reach.
+    With a `drone_file` the checks ignore the ground, because a flying arm does not reach it.
 
     Raises
     ------
@@ -66,16 +69,17 @@ def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Exci
 
 
 def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
-    """Return the arm that the values of `ARM_FILES` name, under its configuration's gravity.
+    """Return configuration and model of the arm that the values of `ARM_FILES` name.
 
-    This function adds the name prefix, so later code uses the names of the topics. If the values
-    name a `DRONE_FILE`, gravity is that under the level drone with its mount.
+    The returned link and joint names have the prefix `tf_prefix`, as on the topics. With a
+    `drone_file`, the direction of gravity is that of the level drone, otherwise that of the
+    configuration.
 
     Raises
     ------
     ValueError
-        If a file cannot be read or used, the files contradict each other, or the prefix is not a
-        valid name; the message states what to check.
+        If a file cannot be used, the files contradict each other, or the prefix is not a valid
+        name. The message states what to check.
     """
     config = load_arm_config(values.config or None)
     if getattr(values, 'drone_file', ''):
@@ -94,20 +98,20 @@ def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
 
 DRONE_FILE = Parameter(
     'drone_file', '', (
-        'YAML file of the drone that carries the arm, or the name of a packaged file, for example '
-        'config/drone.yaml; none if empty'
+        'YAML file of the drone that carries the arm, for example the packaged config/drone.yaml; '
+        'no drone if empty'
     ), group='Arm'
 )  # fmt: skip
 
 
 def load_drone(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> DroneConfig | None:
-    """Return the drone that the value of `DRONE_FILE` names, or None if the value is empty.
+    """Return the drone of the parameter `drone_file`, None if the parameter is empty.
 
     Raises
     ------
     ValueError
-        If the file cannot be read or used, or the drone cannot lift this arm; the message states
-        what to check.
+        If the file cannot be used, or the drone cannot lift this arm. The message states what to
+        check.
     """
     if not values.drone_file:
         return None
@@ -125,29 +129,34 @@ REAL_TIME_PARAMETERS = grouped(
     Parameter(
         'realtime_priority',
         0,
-        'SCHED_FIFO priority of the loop; 0 for the ordinary scheduler',
+        'SCHED_FIFO priority of the real-time thread; 0 for the ordinary scheduler',
         minimum=0,
         maximum=98,
     ),
-    Parameter('lock_memory', False, 'lock all memory of the process in RAM'),
+    Parameter(
+        'lock_memory',
+        False,
+        'lock the memory of the process in RAM, so that page faults cause no delay',
+    ),
     Parameter(
         'keep_cpus_awake',
         False,
-        'keep idle CPUs awake while the node runs: faster wake-ups, more power and heat',
+        'keep idle CPUs out of sleep states while the node runs; this reduces delays, but '
+        'increases power consumption and heat',
     ),
 )
 
 
 def prepare_thread(values: SimpleNamespace, logger: RcutilsLogger) -> None:
-    """Request real-time settings for the calling thread and its process.
+    """Apply the real-time settings to the calling thread and its process.
 
-    A setting that the system refuses causes a warning with advice; the node works without it.
+    If the system refuses a setting, the node logs a warning with advice and runs without it.
 
     Parameters
     ----------
     values
-        Values of `REAL_TIME_PARAMETERS`, optionally with `cpus` (list of CPUs) and `freeze_gc`
-        (bool, true by default).
+        Values of `REAL_TIME_PARAMETERS`. Optional attributes are `cpus` (list of CPUs to run on)
+        and `freeze_gc` (whether to freeze Python's garbage collector, true by default).
     logger
         Logger of the node.
     """

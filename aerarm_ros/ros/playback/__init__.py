@@ -1,4 +1,4 @@
-"""Playback of a planned motion on the arm.
+"""Playback of planned motions, for `excitation` and `motor_bench`.
 
 The playback waits for bridge, subscribers and recorder, publishes the commands of an
 `ExcitationPlayer`, and collects the measurements of the motor bench.

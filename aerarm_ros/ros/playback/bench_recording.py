@@ -1,4 +1,4 @@
-"""Measurements of the motor bench: samples for its evaluation, and a bag."""
+"""Measurements of `motor_bench`: joint states, commands and motor power, and a bag of them."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _STATES, _POWER = 0, 1
 
 
 class MotorReadings:
-    """Current, speed and power of each motor, and the resistance that its board reports.
+    """Subscribe to current, speed, power and winding resistance of all motors.
 
-    An executor that spins the node receives the diagnostics.
+    An executor must spin the node, so that the diagnostics with the resistances arrive.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class MotorReadings:
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
 
     def take(self) -> None:
-        """Read new messages; states and power of one cycle are combined."""
+        """Read new messages, and store states and power of the same bridge cycle together."""
         for index in (_STATES, _POWER):
             message = self._reader.take_newest(index)
             if message is not None:
@@ -59,7 +59,7 @@ class MotorReadings:
             self._waiting.clear()
 
     def supply(self, joint: int) -> MotorSupply:
-        """Return the readings of a joint's motor."""
+        """Return the stored measurements of the motor of one joint."""
         rows = self._rows if self._pairs.get(POWER_FROM) == 'voltage' else []
         table = np.array(rows).reshape(len(rows), 1 + 3 * len(self._names))
         current, speed, power = np.split(table[:, 1:], 3, axis=1)
@@ -70,11 +70,11 @@ class MotorReadings:
     def _reported(self, joint: int) -> float:
         try:
             return float(self._pairs[resistance_key(self._names[joint])])
-        except (KeyError, ValueError):  # Any node may publish diagnostics.
+        except (KeyError, ValueError):  # a node other than the bridge published this status
             return float('nan')
 
     def destroy(self) -> None:
-        """Destroy the subscriptions of the fast topics."""
+        """Destroy the subscriptions to motor states and motor power."""
         self._reader.destroy()
 
     def _add(self, states: bytes, power: bytes) -> None:
@@ -98,7 +98,7 @@ _BENCH_STATES, _COMMANDS = 0, 1
 
 
 class BenchRecording:
-    """Samples of a bench's motion.
+    """Store joint states and commands of a bench motion, in memory and in a bag.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class BenchRecording:
     joint_names
         Names of the n joints.
     topics
-        Full names of joint_states and joint_command.
+        Full topic names of joint_states and joint_command.
     """
 
     def __init__(self, bag: Path, joint_names: tuple[str, ...], topics: tuple[str, str]) -> None:
@@ -117,7 +117,7 @@ class BenchRecording:
         self._first_ns: int | None = None
 
     def add(self, stamp_ns: int, path_time: float, state: ArmState, command: bytes) -> None:
-        """Store a state, its time along the motion [s], and its command."""
+        """Store a joint state, the time along the motion [s], and the command for this state."""
         if self._first_ns is None:
             self._first_ns = stamp_ns
         time = 1e-9 * (stamp_ns - self._first_ns)
@@ -128,11 +128,11 @@ class BenchRecording:
             self._writer.write(RecordedMessage(topic, message, stamp_ns, stamp_ns, number))
 
     def close(self) -> None:
-        """Complete the bag; raises BagError if it could not be written."""
+        """Complete the bag; raises BagError if the bag could not be written."""
         self._writer.close()
 
     def runs(self, measurements: list[BenchMeasurement]) -> dict[int, list[MotorRun]]:
-        """Return the test runs of each joint."""
+        """Return the samples of each measurement as a test run, by the index of the joint."""
         table = np.array(self._rows)
         path_time, time = table[:, 0], table[:, 1]
         q, dq, tau = np.split(table[:, 2:], 3, axis=1)

@@ -1,4 +1,4 @@
-"""Wait for an arm at rest, and play a planned motion."""
+"""Wait until the arm is ready and at rest, and play a planned motion."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ _DAMPED = 'damping'
 
 
 class DampingAccount:
-    """Count how often and for how long a bridge damped the arm during a motion.
+    """Count how often and for how long the bridge damped the arm during a motion.
 
-    A bridge damps the arm if commands come too late, and follows the next command. The motion then
-    continues, but differs from the plan. Times are on the monotonic clock.
+    If commands arrive too late, the bridge damps the arm until the next command. The motion then
+    continues, but it deviates from the plan. Times are on the monotonic clock.
     """
 
     def __init__(self) -> None:
@@ -41,20 +41,20 @@ class DampingAccount:
         self._begin = self._end = 0
 
     def note(self, mode: str, now_ns: int) -> None:
-        """Store a mode of the bridge and its reception time [ns]; callable from any thread."""
+        """Store an arm mode and its reception time [ns]; callable from any thread."""
         self._modes.append((now_ns, mode))
 
     def begin(self, now_ns: int) -> None:
-        """Store the start of the motion [ns]."""
+        """Store the start time of the motion [ns]."""
         self._begin = self._end = now_ns
 
     def end(self, now_ns: int) -> None:
-        """Store the end of the motion [ns]."""
+        """Store the end time of the motion [ns]."""
         self._end = now_ns
 
     @property
     def damped(self) -> tuple[int, float]:
-        """Number and total duration [s] of the bridge's damping during the motion."""
+        """How often, and for how long in total [s], the bridge damped the arm in the motion."""
         times, total = 0, 0
         modes = sorted(self._modes)
         ends = [when for when, _ in modes[1:]] + [self._end]
@@ -69,13 +69,13 @@ class DampingAccount:
 
     @property
     def share(self) -> float:
-        """Fraction of the motion's time during which the arm was damped, 0 to 1."""
+        """Fraction of the motion's duration in which the bridge damped the arm, 0 to 1."""
         duration = 1e-9 * (self._end - self._begin)
         return self.damped[1] / duration if duration > 0.0 else 0.0
 
     @property
     def text(self) -> str:
-        """Number and duration of damping as text, or an empty text."""
+        """Sentence on how often and how long the bridge damped the arm; '' if it never did."""
         times, seconds = self.damped
         if not times:
             return ''
@@ -84,24 +84,24 @@ class DampingAccount:
         return f'the bridge damped the arm {often}, for {seconds:.2f} s ({share})'
 
 
-# In this mode the bridge holds the arm, and no controller commands it.
+# In this mode the bridge holds the arm, and no other node commands the arm.
 MOVABLE = 'ready'
-# Recovery hints for modes in which the arm follows no command.
+# Recovery hints for modes in which a motion cannot start.
 _ADVICE = {
-    'inactive': "activate the bridge: 'ros2 lifecycle set /NAME activate'",
-    'disconnected': 'the boards do not respond: check the log of the bridge',
-    'aligning': 'the motors will be aligned in a few seconds',
-    'homing': 'the joints will reach their index pulses in a few seconds',
+    'inactive': "activate the bridge with 'ros2 lifecycle set /NAME activate'",
+    'disconnected': 'the boards do not respond, so check the log of the bridge',
+    'aligning': 'wait a few seconds until the motors are aligned',
+    'homing': 'wait a few seconds until the joints have reached their index pulses',
     'unhomed': f'run {to_switch_on("unhomed")} (the arm moves)',
-    'commissioning': "the arm is being commissioned: wait, then 'arm home'",
-    'running': 'another node commands the arm: stop that node',
+    'commissioning': "wait for the end of 'arm commission', then run 'arm home'",
+    'running': 'stop the node that commands the arm',
     'damping': "run 'arm hold', which holds the arm in place",
 }
 # [s] in which all nodes of the domain have announced themselves (config/fastdds.xml).
 _DISCOVERY_TIME = 0.5
 _DEPTH = 100  # queue length in messages
 _LISTENERS = {
-    topics.JOINT_COMMAND.name: 'check that the bridge runs, and the recorder if used',
+    topics.JOINT_COMMAND.name: 'check that the bridge runs, and the recorder if you use it',
     topics.JOINT_STATES.name: 'check that the recorder runs',
 }
 _ENABLE = "run 'arm enable' (the arm moves)"
@@ -114,9 +114,9 @@ def _all_of(topic: Topic) -> QoSProfile:
 
 
 class StartConditions:
-    """Follow arm_mode and recorder_status, and report missing conditions.
+    """Check the conditions for the start of a motion, from `arm_mode` and `recorder_status`.
 
-    The callbacks need an executor that spins the node.
+    An executor must spin the node, so that the messages arrive.
 
     Parameters
     ----------
@@ -162,12 +162,12 @@ class StartConditions:
             node.create_subscription(topic.type, topic.name, callback, _all_of(topic))
 
     def missing(self) -> list[str]:
-        """Return the missing conditions, one phrase each.
+        """Return one phrase for each condition that is not met.
 
         Raises
         ------
         ExcitationError
-            If the arm is in fault, which waiting cannot repair.
+            If the arm is in mode `fault`, because a fault does not end by waiting.
         """
         if self.mode == 'fault':
             raise ExcitationError(
@@ -177,7 +177,7 @@ class StartConditions:
             return ['no arm_mode received: check that a bridge runs in this ROS domain']
         missing = list(filter(None, [self._sources.problem()]))
         if time.monotonic() < self._discovered:
-            missing.append('the node searches for other bridges')
+            missing.append('the search for other bridges has not finished')
         if self.mode != MOVABLE:
             missing.append(f"arm_mode is '{self.mode}': {_ADVICE.get(self.mode, _ENABLE)}")
         matched = {
@@ -193,7 +193,7 @@ class StartConditions:
         unrecorded = [name for name in matched if resolve(name) not in self._recorded]
         if self._recorder and unrecorded:
             missing.append(
-                f"{' and '.join(unrecorded)} not being recorded: run 'recorder' in this ROS domain"
+                f"no recorder records {' and '.join(unrecorded)}: run 'recorder' in this ROS domain"
             )
         return missing
 
@@ -207,20 +207,22 @@ class StartConditions:
             recording = status['state'] == 'recording'
             self._recorded = set(status['matched']) if recording else set()
         except (ValueError, KeyError, TypeError, RecursionError) as error:
-            self._node.get_logger().warning(f'recorder_status is invalid: {error}')
+            self._node.get_logger().warning(
+                f'recorder_status ignored, because it is invalid ({error}): check its publisher'
+            )
 
 
-# [rad/s] A slower joint counts as resting; the noise of the velocity filter is smaller.
+# [rad/s] A slower joint counts as resting. The noise of the velocity filter is smaller.
 RESTING = 0.1
-_LOOKS = 20  # largest number of states until the motion starts
+_START_STATES = 20  # after this number of joint states the motion starts in any case
 
 Listener = Callable[[int, ArmState, bytes], None]
 
 
 class MotionPlayback:
-    """Publish one command for every joint state of a motion.
+    """Publish one command per joint state during a motion.
 
-    The callbacks need an executor that spins the node.
+    An executor must spin the node, so that the messages arrive.
 
     Parameters
     ----------
@@ -231,7 +233,7 @@ class MotionPlayback:
     subscribers, recorder
         Further start conditions, see `StartConditions`.
     on_rejection
-        Called with the reason of each state that cannot be used.
+        Called with the reason for which a joint state cannot be used.
 
     Attributes
     ----------
@@ -240,9 +242,9 @@ class MotionPlayback:
     states
         The stream of joint states.
     damping
-        Number and duration of the bridge's damping during the motion.
+        How often and how long the bridge damped the arm during the motion.
     latency_ns
-        Time from the publication of the last answered state to its finished command [ns].
+        Time from the publication of the last joint state until its command was computed [ns].
     """
 
     def __init__(
@@ -267,7 +269,7 @@ class MotionPlayback:
         self._rejection = ''
         self._answered_ns: int | None = None
         self._seen_ns: int | None = None
-        self._looks = _LOOKS
+        self._states_left = _START_STATES
         self._has_begun = False
         self.latency_ns = 0
         self._on_rejection = on_rejection
@@ -275,7 +277,7 @@ class MotionPlayback:
         self.states = StateStream(node, joint_names, self._reject, imu=False)
 
     def wait_for_arm(self, timeout: float) -> NDArray[np.float64] | None:
-        """Return the posture (n,) [rad] once the arm is ready and at rest; None after a stop.
+        """Wait until the arm is ready and at rest; return its posture (n,) [rad], None if stopped.
 
         Raises
         ------
@@ -295,14 +297,16 @@ class MotionPlayback:
                 return state.q
             if now - begin > timeout:
                 reasons = [*missing, self._rejection] if self._rejection else missing
-                raise ExcitationError(f'waited {timeout:g} s, but {"; ".join(reasons)}')
+                raise ExcitationError(
+                    f'the motion could not start within {timeout:g} s: {"; ".join(reasons)}'
+                )
             self.states.wait(0.1)
             newest = self.states.newest_state()
             state = state if newest is None else newest[1]
         return None
 
     def play(self, player: ExcitationPlayer, silence: float, listener: Listener) -> None:
-        """Answer every state until the motion has ended or was stopped.
+        """Answer every joint state until the motion has ended or was stopped.
 
         Parameters
         ----------
@@ -310,14 +314,15 @@ class MotionPlayback:
             Player of the motion.
         silence
             Longest time without a joint state [s]. For an emulated arm the limit is longer, because
-            the arm's time pauses when the host is busy.
+            the arm's time pauses while the computer is busy.
         listener
-            Called with stamp [ns], state and the serialized command that answers the state.
+            Called with the stamp [ns] of each joint state, the joint state and the serialized
+            command.
 
         Raises
         ------
         ExcitationError
-            If the states stop arriving, the arm is stopped, or does not follow.
+            If joint states stop arriving, the arm is stopped, or the arm does not follow.
         """
         progress = ProgressLine(self._name)
         received = time.monotonic()
@@ -342,8 +347,8 @@ class MotionPlayback:
         except ExcitationError as error:
             if not self.stop_asked:
                 raise
-            # A stop of all nodes also ends the bridge, which waits for no other node.
-            self._logger.info(f'stopped, but the arm may still move: {error}')
+            # A signal that stops all nodes also ends the bridge, which does not wait for them.
+            self._logger.info(f'the node stopped while the arm may still move: {error}')
         finally:
             self.damping.end(time.monotonic_ns())
             progress.close()
@@ -351,7 +356,7 @@ class MotionPlayback:
             raise ExcitationError(player.fault)
 
     def ask_stop(self) -> None:
-        """Request that the arm comes to rest; callable from a signal handler."""
+        """Request a stop of the motion; callable from a signal handler."""
         self.stop_asked = True
 
     def destroy(self) -> None:
@@ -371,29 +376,29 @@ class MotionPlayback:
             listener(stamp_ns, state, payload)
 
     def _check_mode(self, stage: str) -> None:
-        # A pause of this process makes the bridge damp the arm until the next command. The
-        # tracking error shows the effect of the pause on the motion.
+        # During a pause of this process the bridge damps the arm until the next command. The
+        # tracking error shows how much the motion deviates then.
         if self._conditions.mode not in COMMANDABLE:
             raise ExcitationError(
-                f"arm_mode became '{self._conditions.mode}' in the {stage}: check the log of the "
-                'bridge, or the page of view'
+                f'the motion ended in the {stage}, because arm_mode changed to '
+                f"'{self._conditions.mode}': check the log of the bridge, or the page of view"
             )
 
     def _is_in_touch(self, stamp_ns: int, silence: float) -> bool:
-        """Return whether to answer a state before the motion; start the motion if it is recent.
+        """Return whether to answer a joint state before the motion, and decide on the start.
 
-        If the motion started before states and answers arrive in time, a jump of the stamps would
-        end it. On a busy host the newest state after planning may be seconds old, and a first
-        publication may be one second late (docs/decisions.md, 69). The player therefore commands
-        the arm to stay until a state arrives shortly after an answered one.
+        The motion starts when a joint state arrives shortly after an answered one. Before that the
+        player commands the arm to stay. If the motion started earlier, a jump of the stamps would
+        end it: on a busy host the newest joint state after planning may be seconds old, and a first
+        publication may be one second late (docs/decisions.md, 69).
         """
         before_ns, self._seen_ns = self._seen_ns, stamp_ns
-        self._looks -= stamp_ns != before_ns
+        self._states_left -= stamp_ns != before_ns
         is_recent = before_ns is not None and 0 <= stamp_ns - before_ns <= round(1e9 * silence)
         is_answered = before_ns is not None and self._answered_ns == before_ns
-        # If stamps jump all the time, the code that reads the states reports it.
-        self._has_begun = (is_recent and is_answered) or self._looks <= 0
-        # States before the motion do not count as unanswered.
+        # If the stamps keep jumping, the player reports the jumps.
+        self._has_begun = (is_recent and is_answered) or self._states_left <= 0
+        # Lost joint states before the motion are not counted.
         self.states.begin_count()
         return self._has_begun or is_recent
 
@@ -404,10 +409,10 @@ class MotionPlayback:
         timeout = self._patience.limit(silence)
         if silent_for > timeout:
             why = self._rejection or (
-                'check that the bridge runs and that the computer is not overloaded; '
-                'state_timeout lengthens the wait'
+                'check that the bridge runs and that the computer is not overloaded, or increase '
+                'state_timeout'
             )
-            raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}, {why}')
+            raise ExcitationError(f'no joint state arrived for {timeout:g} s in the {stage}: {why}')
 
     def _reject(self, reason: str) -> None:
         self._rejection = reason
@@ -417,14 +422,14 @@ class MotionPlayback:
 
 def _missing_rest(state: ArmState | None) -> list[str]:
     if state is None:
-        return ['no joint_states received: check that the bridge runs in this domain']
+        return ['no joint_states received: check that a bridge runs in this ROS domain']
     if np.abs(state.dq).max() >= RESTING:
-        return [f'the arm moves (a joint speed exceeds {RESTING} rad/s): wait until the arm rests']
+        return [f'the arm moves (a joint is faster than {RESTING} rad/s): wait until it rests']
     return []
 
 
 def _progress_text(player: ExcitationPlayer) -> str:
     return (
         f'{player.path_time:5.1f} of {player.motion.duration:.1f} s  {player.stage:<10} '
-        f'largest error {player.largest_error.max():.3f} rad'
+        f'largest tracking error {player.largest_error.max():.3f} rad'
     )

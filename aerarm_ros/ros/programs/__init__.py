@@ -1,5 +1,6 @@
-"""Runs of the larger programs after their command line is parsed.
+"""Programs behind the commands that read or write files.
 
-`identifier`, `payload_estimator --bag`, `excitation_designer`, `demo` and `arm init` each have a
-class, which takes the options and writes files and text for a terminal.
+Each of `identifier`, `calibrator`, `payload_estimator --bag`, `contact_estimator --bag`,
+`excitation_designer`, `demo`, `arm calibrate` and `arm init` has a class that receives the parsed
+options of the command line.
 """

@@ -1,4 +1,4 @@
-"""`arm calibrate`: move the arm through postures, wait in each, and record a bag."""
+"""`arm calibrate`: move the arm to calibration postures, wait in each, and record a bag."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ SENSOR_TYPES = (
     'geometry_msgs/msg/TransformStamped',
     'tf2_msgs/msg/TFMessage',
 )
-_OWN = ('joint_states', 'arm_mode', 'imu', 'odometry')  # topics of the suite in the bag
-_STILL = 0.01  # [rad/s] speed below which a joint is at rest
-_WAY = 60  # checked postures of a path
-_DISCOVERY = 3.0  # [s]
-_RECORDER = 20.0  # [s] until the recorder records
-_NEAR = 0.05  # [rad] largest error at a posture
+_SUITE_TOPICS = ('joint_states', 'arm_mode', 'imu', 'odometry')  # recorded with the sensors
+_REST_SPEED = 0.01  # [rad/s] speed below which a joint is at rest
+_PATH_POINTS = 60  # number of postures checked for collisions on each straight path
+_DISCOVERY_TIME = 3.0  # [s] time to discover the topics of the sensors
+_RECORDER_TIME = 20.0  # [s] time limit until the recorder writes the bag
+_TOLERANCE = 0.05  # [rad] largest joint position error at a posture
 
 
 class CalibrateArm:
-    """Move the arm through postures, wait in each, and record.
+    """Move the arm to calibration postures, wait in each, and record joint states and sensors.
 
     Parameters
     ----------
     node
-        Node without executor.
+        Node that no executor spins.
     options
         Options of `arm calibrate`.
     """
@@ -59,19 +59,19 @@ class CalibrateArm:
         node.create_subscription(topic.type, topic.name, self._on_state, topic.qos)
 
     def run(self) -> None:
-        """Select postures, start the recording, and move to each posture.
+        """Select postures, start the recording, and move the arm to each posture.
 
         Raises
         ------
         ArmClientError
-            If arm, controller or sensor is missing, no postures can be selected, or one is not
-            reached. The bag keeps the recording up to that point.
+            If arm, controller or sensor is missing, no postures can be selected, or the arm does
+            not reach a posture. The bag then contains the recording up to this posture.
         """
         options = self._options
         if options.marker_normal and not options.camera:
-            raise ArmClientError('--marker-normal needs --camera: add the position of the camera')
+            raise ArmClientError('--marker-normal needs the position of the camera: add --camera')
         if not spin_until(self._node, lambda: self._state is not None, options.timeout):
-            raise ArmClientError('no joint_states received: check that a bridge runs')
+            raise ArmClientError('no joint_states received: check that the bridge runs')
         sensors = self._find_sensors()
         try:
             postures = self._choose()
@@ -83,11 +83,12 @@ class CalibrateArm:
         bag = Path(options.out or f'calibration_{datetime.now():%Y%m%d_%H%M%S}')
         if bag.exists():
             raise ArmClientError(f'{bag} already exists: name another bag with --out')
-        recorded = [*_OWN, *(f'{name}={kind}' for name, kind in sensors)]
+        recorded = [*_SUITE_TOPICS, *(f'{name}={kind}' for name, kind in sensors)]
         with NodeProcess('recorder', parameters={'bag': bag, 'topics': recorded}) as recorder:
-            if not spin_until(self._node, lambda: _has_begun(bag, recorder), _RECORDER):
+            if not spin_until(self._node, lambda: _has_begun(bag, recorder), _RECORDER_TIME):
                 raise ArmClientError(
-                    f'the recorder does not start to write {bag}: check the log of the recorder'
+                    f'the recorder did not start to write {bag} within {_RECORDER_TIME:g} s: check '
+                    'the log of the recorder'
                 )
             self._visit(postures)
         print(f'{bag} is recorded; next, run: calibrator --bag {bag}', flush=True)
@@ -125,14 +126,14 @@ class CalibrateArm:
         )
         print_notice(
             'arm',
-            f'{len(choice.q)} configurations for {choice.parameters} errors; log det of the '
-            f'information is {choice.information:+.2f} per error higher than with random '
-            'configurations',
+            f'{len(choice.q)} postures to estimate {choice.parameters} geometry errors. Compared '
+            'with random postures, the log-determinant of the information matrix is higher by '
+            f'{choice.information:.2f} per error',
         )
-        return self._free_ways(choice.q, checker)
+        return self._in_free_order(choice.q, checker)
 
-    def _free_ways(self, postures: Array, checker: ClearanceChecker) -> Array:
-        """Return the postures in an order in which the straight path to each is free."""
+    def _in_free_order(self, postures: Array, checker: ClearanceChecker) -> Array:
+        """Return the postures in an order in which all straight paths are collision-free."""
         left, at, order = list(range(len(postures))), self._position(), []
         while left:
             near = sorted(left, key=lambda k: float(np.abs(postures[k] - at).max()))
@@ -145,36 +146,37 @@ class CalibrateArm:
         if left:
             print_notice(
                 'arm',
-                f'{len(left)} configurations are skipped, because no straight path to them is free',
+                f'{len(left)} postures are skipped, because no straight path to them is '
+                'collision-free',
             )
         if len(order) < len(postures) // 2:
             raise CalibrationError(
-                'most configurations have no collision-free straight path: move the arm into the '
-                'open first, or pass a smaller --span'
+                'no collision-free straight path leads to most of the postures: move the arm away '
+                'from obstacles first, or pass a smaller --span'
             )
         return postures[order]
 
     def _visit(self, postures: Array) -> None:
         options = self._options
         for number, posture in enumerate(postures, start=1):
-            self._request.go(posture.tolist(), _NEAR, options.timeout, _say_wait)
-            if not spin_until(self._node, self._is_still, options.timeout):
+            self._request.go(posture.tolist(), _TOLERANCE, options.timeout, _print_wait)
+            if not spin_until(self._node, self._is_at_rest, options.timeout):
                 raise ArmClientError(
-                    f'the arm does not come to rest in configuration {number}: check the gains '
-                    'of the controller'
+                    f'the arm did not come to rest in posture {number} within '
+                    f'{options.timeout:g} s: check the gains of the controller'
                 )
             self._wait(options.rest)
-            print(f'configuration {number} of {len(postures)}', flush=True)
+            print(f'posture {number} of {len(postures)}', flush=True)
 
     def _wait(self, seconds: float) -> None:
-        """Wait for a time [s] on the clock of the joint states."""
+        """Wait until the stamps of the joint states have advanced by `seconds`."""
         begin = self._stamp()
-        longest = self._options.timeout + 10.0 * seconds  # on a busy computer
+        longest = self._options.timeout + 10.0 * seconds  # an emulated arm can be slow
         if not spin_until(self._node, lambda: self._stamp() - begin >= seconds, longest):
-            raise ArmClientError('joint_states have stopped: check the log of the bridge')
+            raise ArmClientError('joint_states stopped arriving: check the log of the bridge')
 
     def _find_sensors(self) -> list[tuple[str, str]]:
-        """Return topics and types of the sensors that measure the arm."""
+        """Return topic and type of each sensor that measures markers or poses."""
         own = {self._node.resolve_topic_name(name) for name in topics.TOPICS}
         wanted = set(self._options.sensors)
 
@@ -185,32 +187,32 @@ class CalibrateArm:
                 return [(n, k) for n, k in sensors if n in wanted or n.lstrip('/') in wanted]
             return [(n, k) for n, k in sensors if n not in own and self._node.count_publishers(n)]
 
-        spin_until(self._node, lambda: len(found()) >= max(1, len(wanted)), _DISCOVERY)
-        # The markers of a motion capture are discovered one after the other.
+        spin_until(self._node, lambda: len(found()) >= max(1, len(wanted)), _DISCOVERY_TIME)
+        # The topics of a motion capture are discovered one after the other.
         spin_until(self._node, lambda: False, 0.5)
         sensors = found()
         if not sensors or len(sensors) < len(wanted):
             raise ArmClientError(
-                'no topic of markers or poses was found '
-                f'({", ".join(sorted(wanted)) or ", ".join(SENSOR_TYPES)}): start the motion '
+                'topics of markers or poses are missing; the program searched for '
+                f'{", ".join(sorted(wanted)) or ", ".join(SENSOR_TYPES)}: start the motion '
                 'capture or the camera, or name the topics with --sensors'
             )
         print_notice('arm', f'sensors: {", ".join(name for name, _ in sensors)}')
         return sensors
 
-    def _is_still(self) -> bool:
+    def _is_at_rest(self) -> bool:
         assert self._state is not None
-        return bool(np.abs(self._state.velocity).max(initial=0.0) < _STILL)
+        return bool(np.abs(self._state.velocity).max(initial=0.0) < _REST_SPEED)
 
     def _position(self) -> Array:
-        """Return the positions of the URDF's joints, in the order of the URDF."""
+        """Return the newest joint positions (n,) [rad], in the joint order of the URDF."""
         assert self._state is not None
         positions = dict(zip(self._state.name, self._state.position, strict=False))
         missing = [name for name in self._joints if name not in positions]
         if missing:
             raise ArmClientError(
-                f'joint_states have no position of joint {missing[0]}: check that --urdf belongs '
-                'to the arm of the bridge'
+                f'joint_states contain no position of joint {missing[0]}: check that --urdf '
+                'describes the arm of the bridge'
             )
         return np.array([positions[name] for name in self._joints])
 
@@ -224,7 +226,7 @@ class CalibrateArm:
 
 
 def _is_free(checker: ClearanceChecker, start: Array, end: Array) -> bool:
-    share = np.linspace(0.0, 1.0, _WAY)[:, None]
+    share = np.linspace(0.0, 1.0, _PATH_POINTS)[:, None]
     found = checker.sweep(start + share * (end - start), stop_below=True)
     return all(one.distance >= one.required for one in found.values())
 
@@ -232,12 +234,13 @@ def _is_free(checker: ClearanceChecker, start: Array, end: Array) -> bool:
 def _has_begun(bag: Path, recorder: NodeProcess) -> bool:
     if recorder.returncode is not None:
         raise ArmClientError(
-            f'the recorder has ended with status {recorder.returncode}: check its log'
+            f'the recorder ended with exit status {recorder.returncode} before the arm moved: '
+            'check the log of the recorder'
         )
     return any(bag.glob('*.mcap'))
 
 
-def _say_wait(what: str) -> None:
+def _print_wait(what: str) -> None:
     print_notice('arm', f'waiting for {what}')
 
 

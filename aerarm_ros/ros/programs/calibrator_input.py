@@ -1,4 +1,4 @@
-"""Postures and measurements of the calibrator, from tables and bags."""
+"""Read postures, marker positions and poses for the calibrator from tables and bags."""
 
 from __future__ import annotations
 
@@ -34,22 +34,23 @@ from aerarm_ros.description.urdf_document import UrdfDocument
 from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.motion.signals import Array
 
-_OWN = ('tool_pose', 'tool_trajectory', 'tool_goal', 'arm_com', 'flight_set_point')
-_MOVING = 0.2  # [s] between rows; a table with a shorter interval is a recording in motion
-_MANY = 200  # rows of a recording in motion
-_MOST_STATES = 4_000_000
+# Topics of this suite with positions that are no measurement of the arm.
+_SUITE_TOPICS = ('tool_pose', 'tool_trajectory', 'tool_goal', 'arm_com', 'flight_set_point')
+# A table with more rows and a shorter interval between rows is a recording in motion.
+_MOVING_ROWS, _MOVING_INTERVAL = 200, 0.2  # [s]
+_MAX_STATES = 4_000_000
 
 
 @dataclass(eq=False)
 class JointRecording:
-    """Joint positions over time.
+    """Recorded joint positions.
 
     Attributes
     ----------
     time : (T,) ndarray
         Time of each sample [s].
     position : (T, n) ndarray
-        Positions of the n joints [rad].
+        Positions of the n joints at each time [rad].
     """
 
     names: tuple[str, ...]
@@ -57,20 +58,22 @@ class JointRecording:
     position: Array
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return the positions (T, k) of k joints."""
+        """Return the positions (T, k) [rad] of the k named joints."""
         return self.position[:, [self.names.index(name) for name in names]]
 
 
 @dataclass(eq=False)
 class CalibratorInput:
-    """One input of the calibrator: a table of postures, or a recording in motion.
+    """Content of one file of the calibrator: a table of postures, or a recording in motion.
 
     Attributes
     ----------
     joints : tuple of str
-        Joints with positions.
-    mapping, messages : list of str
-        `mapping`: interpretation of the columns or topics. `messages`: notes for the user.
+        Names of the joints whose positions the file contains.
+    mapping : list of str
+        Texts that state how the program interprets the columns or topics.
+    messages : list of str
+        Warnings for the user.
     """
 
     path: Path
@@ -83,12 +86,12 @@ class CalibratorInput:
 
 
 def read_input(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
-    """Read a table or a bag.
+    """Read a table or a bag for the calibrator.
 
     Raises
     ------
     BagError, CalibrationError, DescriptionError
-        If the input cannot be read, or lacks joints or measurements.
+        If the file cannot be read, or contains no joint positions or no measurements.
     """
     if path.suffix.lower() in TABLES and path.is_file():
         return _read_table(path, urdf, options)
@@ -98,7 +101,7 @@ def read_input(path: Path, urdf: str, options: argparse.Namespace) -> Calibrator
 def find_chain(
     inputs: Sequence[CalibratorInput], urdf: str, options: argparse.Namespace, gravity: object
 ) -> Chain:
-    """Return the chain of the joints that all inputs have."""
+    """Return the kinematic chain of the joints that occur in all input files."""
     recorded = [name for name in inputs[0].joints if all(name in one.joints for one in inputs)]
     assert gravity is None or isinstance(gravity, list | tuple)
     return chain_of(urdf, recorded, options.link, options.lock, gravity or STANDARD_GRAVITY)
@@ -107,12 +110,12 @@ def find_chain(
 def to_observations(
     given: CalibratorInput, chain: Chain, options: argparse.Namespace
 ) -> Observations:
-    """Return the postures of an input in which the arm rests.
+    """Return the postures in which the arm rests, with the measurements in each posture.
 
     Raises
     ------
     CalibrationError
-        If the arm does not rest, or there are no measurements.
+        If the arm never rests, or the input has no measurements.
     """
     names = chain.robot.joint_names
     if given.table is not None and not _is_moving(given.table):
@@ -125,25 +128,26 @@ def to_observations(
     tracks = [track for track in tracks if track.name not in options.ignore]
     if not tracks:
         raise CalibrationError(
-            f'no markers or poses of {given.path} are left: check --sensors, --frames and --ignore'
+            f'no markers or poses of {given.path} remain after the selection by --sensors, '
+            '--frames and --ignore: check these options'
         )
     offsets = {}
     for track in tracks:
         late, agreement = time_offset(recording.time, q, track)
         offsets[track.name] = late
         given.mapping.append(
-            f'{track.name}: stamps are {1e3 * late:+.0f} ms from those of the joint states '
-            f'(correlation of speeds {agreement:.2f})'
+            f'{track.name}: estimated time offset from the joint states {1e3 * late:+.0f} ms '
+            f'(correlation of marker speed and joint speed {agreement:.2f})'
         )
     rests = resting_arm(recording.time, q)
-    given.mapping.append(f'{len(rests.q)} postures at rest')
+    given.mapping.append(f'the arm rests in {len(rests.q)} postures')
     poses = [track.name for track in tracks if track.rotation is not None]
     in_hand = _eye_in_hand(poses, given.path, options)
     return rest_observations(rests, tracks, offsets, in_hand, options.base_known)
 
 
 def _eye_in_hand(poses: Sequence[str], path: Path, options: argparse.Namespace) -> list[str]:
-    """Return the poses named by `--eye-in-hand`, without the leading slash of a topic."""
+    """Return the pose names of the option `--eye-in-hand`, without a leading slash."""
     names = [name.lstrip('/') for name in options.eye_in_hand]
     unknown = next((name for name in names if name not in poses), None)
     if unknown is not None:
@@ -166,7 +170,7 @@ def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> Calibrato
         table.joints.pop(name, None)
     mapping = list(table.mapping)
     if table.unused:
-        mapping.append(f'not used: {", ".join(table.unused)}')
+        mapping.append(f'columns not used: {", ".join(table.unused)}')
     return CalibratorInput(path, tuple(table.joints), table=table, mapping=mapping)
 
 
@@ -174,7 +178,7 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
     messages: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
-        contents = read_contents(path, options.topic, most=_MOST_STATES)
+        contents = read_contents(path, options.topic, most=_MAX_STATES)
         series = read_poses(path, options.sensors, options.frames)
     messages += [str(w.message) for w in caught if issubclass(w.category, BagWarning)]
     states = contents.joint_states['/' + options.topic.lstrip('/')]
@@ -187,7 +191,7 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
     order = order[complete]
     recording = JointRecording(names, states.stamp[order], states.position[order])
     used = {name: one for name, one in series.items() if _is_sensor(name, one, options)}
-    # robot_state_publisher computes these frames from the joint positions.
+    # robot_state_publisher computes the frames of the links from the joint positions.
     links = [] if options.frames else sorted(
         name for name in UrdfDocument(urdf).links & used.keys() if used[name].kind == TF
     )  # fmt: skip
@@ -197,14 +201,14 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
     if not tracks:
         listed = ', '.join(f'{name} ({one.kind})' for name, one in series.items()) or 'none'
         raise CalibrationError(
-            f'{path} has no markers or poses on known topics: name them with --sensors; topics '
-            f'with positions are {listed}'
+            f'{path} has no topic with markers or poses of the arm: name such a topic with '
+            f'--sensors; topics with positions are {listed}'
         )
     mapping = [f'joint states: {options.topic}']
     if links:
         mapping.append(
-            f'frames of the links of the URDF, not used: {", ".join(links)}; pass --frames to use '
-            'one'
+            f'tf frames of links of the URDF, not used: {", ".join(links)}; pass --frames to use '
+            'one of them'
         )
     mapping += [f'{"marker" if t.rotation is None else "pose"}: {t.name}' for t in tracks]
     return CalibratorInput(path, names, None, recording, tracks, mapping, messages)
@@ -212,12 +216,16 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
 
 @dataclass(eq=False)
 class FlightRecording:
-    """Data of a bag for `--mount`.
+    """Measurements from the bag of `calibrator --mount`.
 
     Attributes
     ----------
     drone : Track
-        Pose of the drone's body.
+        Pose of the drone's body over time.
+    imu : PoseSeries or None
+        IMU samples, None if the bag has no IMU topic.
+    markers : list of Track
+        Positions of the markers on the arm over time.
     """
 
     joints: JointRecording
@@ -227,14 +235,14 @@ class FlightRecording:
 
 
 def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
-    """Read a bag in which arm and drone move.
+    """Read the bag of `calibrator --mount`, in which arm and drone move.
 
     Raises
     ------
     BagError, CalibrationError
-        If the bag cannot be read, or lacks the drone's pose.
+        If the bag cannot be read, or does not contain the drone's pose.
     """
-    contents = read_contents(path, options.topic, most=_MOST_STATES)
+    contents = read_contents(path, options.topic, most=_MAX_STATES)
     states = contents.joint_states['/' + options.topic.lstrip('/')]
     sensors = [options.drone_pose, options.imu, *options.sensors] if options.sensors else []
     series = read_poses(path, sensors, options.frames)
@@ -243,8 +251,8 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
     if pose is None or pose.kind == IMU or not np.isfinite(pose.quaternion).all():
         listed = ', '.join(f'{key} ({one.kind})' for key, one in series.items()) or 'none'
         raise CalibrationError(
-            f'{path} has no poses of the drone on {name}: name their topic with --drone-pose; '
-            f'topics with positions are {listed}'
+            f"{path} has no poses of the drone on {name}: name the topic of the drone's pose with "
+            f'--drone-pose; topics with positions are {listed}'
         )
     imu = series.pop(imu_name, None)
     used = {key: one for key, one in series.items() if _is_sensor(key, one, options)}
@@ -262,14 +270,17 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
 def _is_sensor(name: str, series: PoseSeries, options: argparse.Namespace) -> bool:
     if series.kind in (ODOMETRY, IMU) or name in options.ignore:
         return False
-    own = name.rpartition('/')[2] in _OWN and not options.sensors
-    return not own
+    is_of_suite = name.rpartition('/')[2] in _SUITE_TOPICS and not options.sensors
+    return not is_of_suite
 
 
 def _track(name: str, series: PoseSeries, stamp: float, log_time: float) -> Track:
-    """Return a series of poses on the clock of the joint states."""
+    """Return poses with times on the clock of the joint states.
+
+    `stamp` and `log_time` are the stamp and the reception time of the first joint state [s].
+    """
     time = series.stamp
-    # Stamps of a foreign clock, such as a motion capture computer's: use the time of arrival.
+    # The sensor's computer has another clock: use the reception times instead of the stamps.
     if abs((time[0] - stamp) - (series.log_time[0] - log_time)) > 60.0:
         time = series.log_time - log_time + stamp
     rotation = None
@@ -290,11 +301,11 @@ def _matrices(quaternion: Array) -> Array:
 
 
 def _is_moving(table: PostureTable) -> bool:
-    """Return whether the interval between rows is too short for the arm to rest in each."""
+    """Return whether the table records a motion, instead of one resting posture per row."""
     return (
         table.time is not None
-        and len(table) > _MANY
-        and float(np.nanmedian(np.diff(table.time))) < _MOVING
+        and len(table) > _MOVING_ROWS
+        and float(np.nanmedian(np.diff(table.time))) < _MOVING_INTERVAL
     )
 
 
@@ -336,18 +347,20 @@ def _of_table(
             sources.append(PoseSource(name, one.rotation, one.position, in_hand, base_known=known))
     sources += [PlaneSource(name, touches) for name, touches in table.contacts.items()]
     if not sources:
-        raise CalibrationError(f'no measurements of {path} are left: check --ignore')
+        raise CalibrationError(
+            f'no measurements of {path} remain after the selection by --ignore: check this option'
+        )
     labels = tuple(f'{path.name}, row {k + 1}' for k in range(len(q)))
     return Observations(q, tuple(sources), labels)
 
 
 def joined(parts: Sequence[Observations]) -> Observations:
-    """Combine the postures of several inputs with the same setup.
+    """Combine the postures of several input files of one setup.
 
     Raises
     ------
     CalibrationError
-        If the inputs do not have the same markers and poses.
+        If the files contain different markers or poses.
     """
     first = parts[0]
     if len(parts) == 1:
@@ -359,8 +372,8 @@ def joined(parts: Sequence[Observations]) -> Observations:
             type(one) is not type(source) or one.unknowns != source.unknowns for one in own
         ):
             raise CalibrationError(
-                'the files of --bag have different markers and poses: calibrate them one by one, '
-                'or pass --ignore'
+                'the files of --bag contain different markers or poses: calibrate each file '
+                'separately, or exclude the differing markers and poses with --ignore'
             )
         sources.append(_stacked(source, own))
     labels = tuple(label for part in parts for label in part.labels)

@@ -1,4 +1,4 @@
-"""The calibrator's run for the mount: from a bag of a moving drone to a drone file."""
+"""`calibrator --mount`: estimate the poses of arm and IMU on the drone, and write a drone file."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from aerarm_ros.ros.programs.calibrator_input import FlightRecording, read_fligh
 
 DRONE, REPORT = 'drone.yaml', 'report.html'
 MOUNT_FILES = (DRONE, REPORT, MARKER)
-"""Files that a result may contain."""
+"""Names of the files that `calibrator --mount` writes."""
 _NOTE = (
-    "Pose of the arm's base frame and of the IMU in the frame of the drone's body. Standard "
-    'deviations are those of the fit. "Moved" is the rotation from the pose in the file to the '
-    'estimated pose.'
+    "Pose of the arm's base frame and of the IMU in the frame of the drone's body. The deviations "
+    'are the standard deviations of the fit. "Moved" is the distance and the rotation angle '
+    'between the pose in the drone file and the estimated pose.'
 )
 
 
 class MountRun:
-    """Run of `calibrator --mount`.
+    """Estimate the poses of the arm's base and of the IMU on the drone from one bag.
 
     Parameters
     ----------
@@ -55,13 +55,15 @@ class MountRun:
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
         if len(options.bag) != 1:
-            raise CalibrationError('--mount needs exactly one --bag, in which drone and arm move')
+            raise CalibrationError(
+                '--mount needs exactly one file in --bag, a recording of moving drone and arm'
+            )
         self._source = config_path(options.drone, 'drone.yaml')
         self._drone = load_drone_config(self._source)
         self._urdf, _ = read_urdf(options.urdf)
 
     def execute(self) -> str:
-        """Estimate the mount, write the drone file and a report, and return a table to print.
+        """Estimate the poses, write the drone file and a report, and return a table to print.
 
         Raises
         ------
@@ -76,7 +78,7 @@ class MountRun:
             imu = self._imu(flight)
             text = drone_yaml(self._source, mount.pose, imu.pose if imu else None)
             directory.write(DRONE, text)
-            load_drone_config(directory.path(DRONE))  # a file that no node can read is not kept
+            load_drone_config(directory.path(DRONE))  # an unreadable file discards the result
             rows = self._rows(mount, imu)
             directory.write_json(MARKER, _summary(mount, imu))
             directory.write(REPORT, _html(rows))
@@ -84,17 +86,18 @@ class MountRun:
         return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
 
     def _imu(self, flight: FlightRecording) -> ImuResult | None:
-        """Return the IMU's pose; None, with a message, if the bag does not determine it."""
-        values, stays = flight.imu, f'the pose of the IMU keeps its values of {self._source.name}'
+        """Return the pose of the IMU, or None with a printed reason if it cannot be estimated."""
+        values = flight.imu
+        unchanged = f'the written drone file keeps the pose of the IMU of {self._source.name}'
         if values is None:
-            _print(f'no IMU on {self._options.imu}: {stays}')
+            _print(f'the bag has no IMU samples on {self._options.imu} (--imu): {unchanged}')
             return None
         try:
             return calibrate_imu(
                 flight.drone, values.stamp, values.angular_velocity, values.linear_acceleration
             )
         except CalibrationError as error:
-            _print(f'{stays}: {error}')
+            _print(f'{unchanged}: {error}')
             return None
 
     def _mount(self, flight: FlightRecording) -> MountResult:
@@ -130,7 +133,10 @@ def _pose_rows(name: str, pose: FramePose, drawn: PoseConfig) -> list[tuple[str,
         (f'{name} position deviation [mm]', _numbers(1e3 * pose.position_std, 2)),
         (f'{name} rpy [rad]', _numbers(pose.rpy, 5)),
         (f'{name} rotation deviation [mrad]', _numbers(1e3 * pose.rotation_std, 2)),
-        (f'{name} moved relative to the file', f'{1e3 * moved:.2f} mm, {1e3 * angle:.2f} mrad'),
+        (
+            f'{name} moved relative to the drone file',
+            f'{1e3 * moved:.2f} mm, {1e3 * angle:.2f} mrad',
+        ),
     ]
 
 

@@ -1,4 +1,4 @@
-"""One run of the calibrator: from postures to URDF, YAML and report."""
+"""`calibrator`: estimate an arm's geometry errors, and write URDF, YAML and report."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ from aerarm_ros.ros.programs.calibrator_input import (
 
 URDF, YAML, CONFIG, REPORT = 'calibrated.urdf', 'calibration.yaml', 'arm.yaml', 'report.html'
 RESULT_FILES = (URDF, YAML, CONFIG, REPORT, MARKER)
-"""Files that a result may contain."""
-_SEED = 0  # of the held-out postures
+"""Names of the files that `calibrator` writes."""
+_SEED = 0  # seed of the random choice of held-out postures
 
 
 class CalibratorRun:
-    """Run of the calibrator with its command-line options.
+    """Calibrate an arm with the options of the command line.
 
     Parameters
     ----------
@@ -59,12 +59,16 @@ class CalibratorRun:
 
     def __init__(self, options: argparse.Namespace) -> None:
         if not 0.0 <= options.holdout < 1.0:
-            raise CalibrationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
+            raise CalibrationError(
+                f'--holdout {options.holdout:g} is invalid: pass a fraction of at least 0 and '
+                'below 1'
+            )
         self._options = options
         length, angle = options.tolerance
         if not (0.0 < length < np.inf and 0.0 < angle < np.inf):
             raise CalibrationError(
-                f'--tolerance {length:g} {angle:g} must be two positive numbers: [mm], [mrad]'
+                f'--tolerance {length:g} {angle:g} is invalid: pass two positive numbers, a length '
+                '[mm] and an angle [mrad]'
             )
         self._choice = CalibrationOptions(
             options.level,
@@ -79,7 +83,7 @@ class CalibratorRun:
         self._config = load_arm_config(self._config_path) if has_config else None
 
     def execute(self) -> str:
-        """Calibrate, write the result, and return a table for the terminal.
+        """Estimate the errors, write the result folder, and return a table for the terminal.
 
         Raises
         ------
@@ -107,7 +111,9 @@ class CalibratorRun:
         mapping = _mapping([*training, *validation])
         mapping.append(f'markers and poses are attached to link {chain.link}')
         if chain.ignored:
-            mapping.append(f'joints that do not move this link: {", ".join(chain.ignored)}')
+            mapping.append(
+                f'joints ignored, because they do not move {chain.link}: {", ".join(chain.ignored)}'
+            )
         _print(mapping)
         if options.holdout > 0.0:
             observations, rest = _divided(observations, options.holdout)
@@ -127,7 +133,7 @@ class CalibratorRun:
         directory.write(YAML, calibration_yaml(result, CONFIG if in_config else URDF))
         if in_config and self._config_path is not None:
             directory.write(CONFIG, config_yaml(result, self._config_path))
-            load_arm_config(directory.path(CONFIG))  # a file that the bridge rejects is not kept
+            load_arm_config(directory.path(CONFIG))  # an invalid file discards the result
         directory.write_json(MARKER, summary(result))
         directory.write(REPORT, calibration_html(result, mapping))
 
@@ -137,8 +143,8 @@ def _divided(observations: Observations, share: float) -> tuple[Observations, Ob
     out = round(share * count)
     if out < 1 or count - out < 1:
         raise CalibrationError(
-            f'--holdout {share:g} leaves none of {count} configurations for the fit: '
-            'pass a smaller fraction'
+            f'--holdout {share:g} divides {count} postures such that the fit or the validation has '
+            'none: pass another fraction, or record more postures'
         )
     order = np.random.default_rng(_SEED).permutation(count)
     return observations.rows(np.sort(order[out:])), observations.rows(np.sort(order[:out]))
@@ -147,7 +153,6 @@ def _divided(observations: Observations, share: float) -> tuple[Observations, Ob
 def _mapping(inputs: Sequence[CalibratorInput]) -> list[str]:
     lines: list[str] = []
     for one in inputs:
-        # Files of one kind are described once.
         lines += [f'{one.path.name}: {text}' for text in one.mapping]
     return lines
 

@@ -1,4 +1,4 @@
-"""Search for contact in recordings, for `contact_estimator --bag`."""
+"""`contact_estimator --bag`: search recordings for contact, and learn contact thresholds."""
 
 from __future__ import annotations
 
@@ -48,12 +48,14 @@ from aerarm_ros.ros.programs.payload_replay import known_arm, run_replay
 REPORT = 'contacts.html'
 
 _FILES = (RESIDUALS, REPORT, MARKER)
-_SHOWN = 3000  # points of a curve
-_PAYLOAD_RADIUS = 0.05  # [m] of the ball that a payload of --payload is
-_EXCEEDED, _LARGEST = 1.02, 0.99  # of an effort limit; quantile of the torques
-_NUMBER = re.compile(r'(?<=\s)-?\d\S*')  # not in the name of a joint
-_ONE_PROBLEM = 1.0  # [s] between two times of one interval of a problem
-_NAMED = 3  # intervals of a problem that its message lists
+_PLOT_POINTS = 3000  # largest number of points per curve
+_PAYLOAD_RADIUS = 0.05  # [m] radius of the ball that represents the body of --payload
+# A recording ignores the effort limit of a joint if this quantile of its torque exceeds the
+# limit by this factor.
+_TORQUE_QUANTILE, _LIMIT_FACTOR = 0.99, 1.02
+_NUMBER = re.compile(r'(?<=\s)-?\d\S*')  # a number in a message, except in a joint name
+_PROBLEM_GAP = 1.0  # [s] shorter gaps do not divide an interval of a problem
+_LISTED_INTERVALS = 3  # largest number of intervals in the message of a problem
 _COLOUR = {
     Cause.CONTACT: '#d62728',
     Cause.PAYLOAD: '#2ca02c',
@@ -63,15 +65,15 @@ _COLOUR = {
 
 
 def main() -> int:
-    """Search recordings for contact, by the command line of this process."""
+    """Search recordings for contact, with the command line of this process."""
     return contact_replay('contact_estimator', sys.argv[1:])
 
 
 def contact_replay(name: str, arguments: Sequence[str]) -> int:
     """Run the search; return 0, 2 if the user must check an input, or 130 after a stop.
 
-    A bag that cannot be searched does not affect the others: its reason is printed, and the status
-    is 2.
+    If one bag cannot be searched, the program prints the reason, searches the other bags, and
+    returns 2.
     """
 
     def run(options: argparse.Namespace, is_stopped: Callable[[], bool]) -> int:
@@ -85,30 +87,32 @@ def contact_replay(name: str, arguments: Sequence[str]) -> int:
 
 
 def replay_parser(name: str) -> OneLineParser:
-    """Return the parser of the command line."""
+    """Return the parser of the options of `contact_estimator --bag`."""
     parser = OneLineParser(prog=name, description='Find contact in recordings.')
     parser.add_argument(
         '--bag', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
-        help='recordings to search for contact, at rest as well: bags, .csv and .npz files',
+        help='recordings to search for contact of the moving or resting arm: bags, .csv and .npz '
+             'files',
     )  # fmt: skip
     parser.add_argument(
         '--free', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
-        help='recordings without contact and payload, to learn the thresholds from',
+        help='recordings without contact and payload, from which the program learns the contact '
+             'thresholds',
     )  # fmt: skip
     parser.add_argument(
         '--residuals', type=Path, metavar='FILE',
-        help=f'thresholds of an earlier run ({RESIDUALS}), instead of --free',
+        help=f'file {RESIDUALS} with the contact thresholds of an earlier run, instead of --free',
     )  # fmt: skip
     parser.add_argument(
         '--model',
         type=Path,
         metavar='FILE',
-        help='estimate.yaml of the arm (default: the model in its URDF)',
+        help='identified model of the arm, estimate.yaml (default: the model in the URDF)',
     )
     parser.add_argument(
         '--payload', nargs=4, type=float, metavar=('KG', 'X', 'Y', 'Z'),
-        help='mass and centre [m] in the frame of the last joint of a payload that the arm carries '
-             'in the recordings of --bag (default: none)',
+        help='payload that the arm carries in all recordings of --bag: mass [kg], and centre of '
+             'mass in the frame of the last joint [m] (default: no payload)',
     )  # fmt: skip
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help=f'folder for {REPORT} and {RESIDUALS}'
@@ -125,12 +129,12 @@ def replay_parser(name: str) -> OneLineParser:
 
 @dataclass(frozen=True, eq=False)
 class SearchedBag:
-    """Contact events in one recording.
+    """Contact events that the search found in one recording.
 
     Attributes
     ----------
     places : list of ContactPlace or None
-        Link, point and force of each event.
+        Link, point and force of each contact; None for other events.
     torque, threshold : (M, n) ndarray
         External torque and its threshold [Nm].
     problems : dict of str to list of (float, float)
@@ -146,7 +150,7 @@ class SearchedBag:
 
 
 class ContactReplay:
-    """Run of the search with its command-line options.
+    """Search for contact with the options of the command line.
 
     Parameters
     ----------
@@ -158,8 +162,7 @@ class ContactReplay:
     Attributes
     ----------
     failures : dict of str to Exception
-        Reason for each recording of `--bag`, by its path, that could not be searched, or not
-        completely.
+        Reasons why recordings of `--bag` could not be searched completely, by their paths.
 
     Raises
     ------
@@ -180,12 +183,13 @@ class ContactReplay:
                 raise IdentificationError(f'{_option(parameter.name)}{text}')
         if bool(options.free) == (options.residuals is not None):
             raise IdentificationError(
-                'thresholds are missing: pass --free BAG with motion without contact, for '
-                f'example the bag of the identification, or --residuals {RESIDUALS}'
+                'the search needs contact thresholds from exactly one source: pass --free BAG '
+                'with motion without contact, for example the bag of the identification, or pass '
+                f'--residuals {RESIDUALS}'
             )
         if not options.bag and not (options.free and options.out):
             raise IdentificationError(
-                'no recording to search: pass --bag, or pass --free and --out to learn '
+                'there is no recording to search: pass --bag, or pass --free and --out to learn '
                 'thresholds only'
             )
         self._payload = _body(options.payload)
@@ -193,12 +197,12 @@ class ContactReplay:
         self._arm, _ = known_arm(self._recorded, options)
 
     def execute(self) -> str:
-        """Learn thresholds, search the recordings and return the events as text.
+        """Learn the thresholds, search the recordings, and return the found events as text.
 
         Raises
         ------
         IdentificationError, BagError
-            If a bag cannot be used, or the result cannot be written.
+            If no bag can be searched, or the result cannot be written.
         """
         if self._options.out is None:
             return self._text(self._search(self._bound()))
@@ -232,7 +236,7 @@ class ContactReplay:
         return bound
 
     def _search(self, bound: ResidualBound) -> list[SearchedBag]:
-        """Search each bag; raise the error of the last one if none can be searched."""
+        """Search all bags; if no bag can be searched, raise the error of the last bag."""
         bags: list[SearchedBag] = []
         for path in self._options.bag:
             try:
@@ -253,9 +257,9 @@ class ContactReplay:
 
     def _search_one(self, path: Path, bound: ResidualBound) -> SearchedBag:
         recording, limit = self._recorded.recording(path), self._arm.robot.effort_max
-        # If more than a few recorded torques exceed a limit, it is not that of the drive.
-        largest = np.nanquantile(np.abs(recording.tau), _LARGEST, axis=0)
-        limit = np.where(largest > _EXCEEDED * limit, np.inf, limit)
+        # A limit that many recorded torques exceed is not the limit of the recorded drive.
+        largest = np.nanquantile(np.abs(recording.tau), _TORQUE_QUANTILE, axis=0)
+        limit = np.where(largest > _LIMIT_FACTOR * limit, np.inf, limit)
         external = ExternalTorque(self._arm, bound.gain)
         detector = ContactDetector(external, bound, contact_settings(self._options), limit)
         if self._payload is not None:
@@ -278,20 +282,20 @@ class ContactReplay:
 
 
 def _body(given: Sequence[float] | None) -> Array | None:
-    """Return the parameters (10,) of a payload given by mass [kg] and centre [m], or None."""
+    """Return the inertial parameters (10,) of the body of `--payload`, None without this option."""
     if given is None:
         return None
     mass, *centre = given
     if not (np.isfinite(given).all() and mass > 0.0):
         raise IdentificationError(
-            f'--payload {" ".join(f"{value:g}" for value in given)} is not a body: pass its mass '
-            'in kg, above 0, and its centre in m'
+            f'--payload {" ".join(f"{value:g}" for value in given)} is invalid: pass a positive '
+            'mass [kg], and the three coordinates of the centre of mass [m]'
         )
     return ball(mass, centre, _PAYLOAD_RADIUS)
 
 
 def _states(recording: Recording) -> Iterator[tuple[float, ArmState]]:
-    """Yield times and states of a recording with velocities."""
+    """Yield time [s] and state of each sample of a recording that contains velocities."""
     assert recording.dq is not None
     rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
     for time, q, dq, tau in rows:
@@ -304,7 +308,7 @@ def search(
     locator: ContactLocator,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> SearchedBag:
-    """Return the contact events of a recording of an arm on a fixed base.
+    """Return the contact events of one recording of an arm on a fixed base.
 
     Raises
     ------
@@ -313,8 +317,8 @@ def search(
     """
     if recording.dq is None:
         raise IdentificationError(
-            f'{recording.name} has no velocities, which the observer needs: record them with the '
-            'positions'
+            f'{recording.name} contains no joint velocities, but the momentum observer needs them: '
+            'record positions and velocities'
         )
     problems: dict[str, list[tuple[float, float]]] = {}
     known: dict[str, str] = {}
@@ -328,7 +332,7 @@ def search(
             torque[row], threshold[row] = report.torque, report.threshold
         if problem := detector.problem:
             times = problems.setdefault(known.setdefault(_NUMBER.sub('', problem), problem), [])
-            if times and time - times[-1][1] < _ONE_PROBLEM:
+            if times and time - times[-1][1] < _PROBLEM_GAP:
                 times[-1] = times[-1][0], time
             else:
                 times.append((time, time))
@@ -342,24 +346,24 @@ def search(
 
 
 def _times(intervals: Sequence[tuple[float, float]]) -> str:
-    """Return some intervals as text."""
-    texts = [f'{begin:.2f} to {end:.2f} s' for begin, end in intervals[:_NAMED]]
+    """Return a text with the first three intervals and the number of the others."""
+    texts = [f'{begin:.2f} to {end:.2f} s' for begin, end in intervals[:_LISTED_INTERVALS]]
     more = len(intervals) - len(texts)
     return ', '.join(texts) + (f' and {more} more' if more else '')
 
 
 def event_text(event: ContactEvent, place: ContactPlace | None, names: Sequence[str]) -> str:
-    """Return one line about an event."""
+    """Return one line with time, cause, torque and force of an event."""
     end = 'the end' if math.isnan(event.end) else f'{event.end:.2f} s'
     text = f'{event.begin:.2f} s to {end}: {event.cause.value}'
     if event.cause is Cause.PAYLOAD:
         return (
             f'{event.begin:.2f} s: {event.cause.value} of {event.mass:.3g} ± '
-            f'{event.mass_std:.2g} kg on the last link, recognized after '
-            f'{event.end - event.begin:.2g} s'
+            f'{event.mass_std:.2g} kg on the last link, identified '
+            f'{event.end - event.begin:.2g} s later'
         )
     size = float(event.torque[event.joint])
-    text += f', {names[event.joint]} {size:+.3g} Nm ({event.ratio:.2g} x the threshold)'
+    text += f', {names[event.joint]} {size:+.3g} Nm ({event.ratio:.2g} times the threshold)'
     if place is None:
         return text
     force = f'{np.linalg.norm(place.force):.3g} N at {place.link}'
@@ -386,24 +390,24 @@ def _summary(bag: SearchedBag) -> dict[str, Any]:
 def contact_page(
     robot: Robot, bags: Sequence[SearchedBag], failures: Mapping[str, Exception]
 ) -> str:
-    """Return the page with events and external torque of each recording, and failed searches."""
+    """Return the HTML page with the events and torque curves of each recording, and all errors."""
     parts: list[str] = []
     if failures:
         reasons = bullets([str(error) for error in failures.values()])
-        parts.append(section('Not searched, or not completely', reasons))
+        parts.append(section('Recordings that were not searched completely', reasons))
     for number, bag in enumerate(bags):
         heading = f'{bag.recording.name} ({bag.recording.duration:.1f} s)'
         parts.append(section(heading, _events_table(robot, bag), _figures(number, bag)))
     legend = bullets(
         [
-            'Torque: largest change of the external torque, positive along +q.',
-            'Ratio: this torque relative to its threshold from free motion. At rest, a change of '
-            'torque counts even if friction could hold it; the ratio may then be below 1.',
-            'Force: the single force that explains the torque, in the frame of the base. “At '
-            'least” means that in this posture, or on this link, only a part of the force '
-            'causes joint torque.',
-            'Curves: external torque; dashed: its threshold. Colours: red contact, green '
-            'payload, grey model error.',
+            'Torque: largest change of the external torque during the event; a positive torque '
+            'acts in the positive direction of the joint.',
+            'Ratio: torque divided by the threshold learnt from free motion. While the arm rests, '
+            'smaller torques also count as contact, so the ratio may be below 1.',
+            'Force: the single force, in the frame of the base, that explains the torque. “At '
+            'least” marks a force of which only a part causes joint torque in this posture.',
+            'Solid curves show the external torque, dashed curves its threshold. Red areas mark '
+            'contact, green areas a payload, grey areas a model error.',
         ]
     )
     parts.append(section('Legend', legend))
@@ -412,7 +416,7 @@ def contact_page(
 
 def _events_table(robot: Robot, bag: SearchedBag) -> Html:
     if not bag.events:
-        return paragraph('No event: the model explains the torque of the whole recording.')
+        return paragraph('No event: the model explains the torque in the whole recording.')
     rows: list[list[object]] = []
     for event, place in zip(bag.events, bag.places, strict=True):
         force = at = '–'
@@ -439,7 +443,7 @@ def _events_table(robot: Robot, bag: SearchedBag) -> Html:
 
 
 def _figures(number: int, bag: SearchedBag) -> Html:
-    step = max(1, len(bag.torque) // _SHOWN)
+    step = max(1, len(bag.torque) // _PLOT_POINTS)
     time = bag.recording.time[::step].round(4).tolist()
     parts = []
     for joint, name in enumerate(bag.recording.joint_names):

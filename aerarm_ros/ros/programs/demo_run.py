@@ -1,4 +1,4 @@
-"""Steps of the demo: move the emulated arm, record, identify, and check the accuracy."""
+"""`demo`: move the emulated arm, record its motion, identify a model, and check the accuracy."""
 
 from __future__ import annotations
 
@@ -39,18 +39,19 @@ _ADVICE = (
 
 @dataclass(frozen=True)
 class DemoAccount:
-    """Final log lines of the bridge and of the recorders.
+    """Last log lines of the bridge and of the recorders, which the demo prints at its end.
 
     Attributes
     ----------
     cycles
-        Number of the bridge's cycles.
+        Log line with the number of the bridge's cycles.
     too_slow
-        Whether the host is too slow for a real arm.
+        Whether this computer is too slow for a real arm.
     messages
-        Number of messages that the recorder wrote, of each motion.
+        Log line with the number of recorded messages, by the name of the motion.
     lost
-        Number of lost messages, of each motion; None if the middleware does not number them.
+        Number of lost messages by the name of the motion, or None if the middleware does not number
+        messages.
     """
 
     cycles: str
@@ -60,12 +61,19 @@ class DemoAccount:
 
     @classmethod
     def read(cls, bridge: Path, recorders: Mapping[str, Path]) -> DemoAccount:
-        """Read the logs of the bridge and of the recorders, by the motions' names.
+        """Read the logs of the bridge and of the recorders.
+
+        Parameters
+        ----------
+        bridge
+            Log file of the bridge.
+        recorders
+            Log file of each recorder, by the name of the recorded motion.
 
         Raises
         ------
         ValueError
-            If a log has no final line.
+            If a log does not contain the expected last line.
         """
         cycles = _last(_CYCLES, bridge)
         messages = {name: _last(_MESSAGES, log) for name, log in recorders.items()}
@@ -77,18 +85,18 @@ class DemoAccount:
         )
 
     def lines(self) -> Iterator[str]:
-        """Yield the demo's final lines, with the warnings last."""
+        """Yield the lines that the demo prints at its end, the warnings last."""
         yield f'Bridge    {self.cycles}'
         for name, text in self.messages.items():
             yield f'Recorder  {name}: {text}'
         if self.too_slow:
             yield (
-                'NOTE      the simulation waited for this computer, so the results are valid; a '
-                f'real arm would not wait: {_ADVICE}'
+                'NOTE      this computer was too slow for real time. The results are valid, '
+                f'because the simulation waited. For a real arm, {_ADVICE}'
             )
         if any(self.lost.values()):
             lost = sum(filter(None, self.lost.values()))
-            yield f'WARNING   the bags lack {lost} messages: {_ADVICE}'
+            yield f'WARNING   {lost} messages are missing from the bags: {_ADVICE}'
 
 
 def _count(text: str) -> int | None:
@@ -98,22 +106,24 @@ def _count(text: str) -> int | None:
 def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:
     found = list(pattern.finditer(log.read_text(errors='replace')))
     if not found:
-        raise ValueError(f'{log} has no line {pattern.pattern!r}, because the process ended early')
+        raise ValueError(
+            f'no line of {log} matches {pattern.pattern!r}: check why the process ended early'
+        )
     return found[-1]
 
 
-# [s] A slow or busy computer needs long to load its libraries and to simulate the arm.
+# Time limits [s], long because a slow or busy computer loads and simulates slowly.
 _START_TIME = 120
-_PATIENCE = 300.0
+_STEP_TIME = 300.0
 
 
 class DemoError(RuntimeError):
-    """A step of the demo failed; the message states the step and its log."""
+    """Error for a failed step of the demo; the message names the step and its log file."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """One recorded motion of the arm: its description and the parameters of `excitation`."""
+    """One recorded motion: name, description, parameters of `excitation`, and bag."""
 
     name: str
     what: str
@@ -122,12 +132,12 @@ class Motion:
 
 
 class DemoRun:
-    """The suite's nodes, run one after the other, with one output directory.
+    """Run the nodes of the demo one after the other.
 
     Parameters
     ----------
     out
-        Directory with an empty directory `logs`.
+        Output folder, which contains an empty folder `logs`.
     options
         Parsed arguments of the demo.
     """
@@ -152,12 +162,12 @@ class DemoRun:
         )
 
     def move_and_record(self) -> DemoAccount:
-        """Move the emulated arm along the motions; return the final lines of the nodes.
+        """Move the emulated arm and record both motions; return the nodes' last log lines.
 
         Raises
         ------
         DemoError, ArmClientError
-            If a node fails or the arm does not follow.
+            If a node fails, or the arm does not perform the motion.
         """
         hardware = NodeProcess(
             'fake_hardware',
@@ -171,16 +181,17 @@ class DemoRun:
         )
         with hardware:
             client = _arm_client()
-            print('Arm       emulated boards are starting', flush=True)
+            print('Arm       the emulated boards start', flush=True)
             _wait_for_bridge(hardware, client)
-            print('Arm       homing: the joints turn to their index pulses', flush=True)
+            print('Arm       the joints home: they turn to their index pulses', flush=True)
             client.call('home')
-            client.wait_for_mode(['ready'], _PATIENCE)
+            client.wait_for_mode(['ready'], _STEP_TIME)
             for motion in self._motions:
                 self._run_motion(motion)
         if hardware.returncode != 0:
             raise DemoError(
-                f'fake_hardware ended with status {hardware.returncode}:\n{hardware.tail()}'
+                f'fake_hardware ended with exit status {hardware.returncode}; end of its log:\n'
+                f'{hardware.tail()}'
             )
         try:
             return DemoAccount.read(
@@ -191,21 +202,22 @@ class DemoRun:
             raise DemoError(str(error)) from None
 
     def identify(self) -> None:
-        """Identify the model and check the demo's promised accuracy; raises DemoError."""
+        """Identify the model; raises DemoError if it is not better than the CAD model."""
         (identification, validation), out = self._motions, self._out
         arguments = ['--bag', str(identification.bag), '--validation', str(validation.bag)]
         arguments += ['--truth', str(out / 'truth.yaml'), '--out', str(out / 'result')]
         with NodeProcess('identifier', arguments) as identifier:
-            _wait(identifier, 2 * _PATIENCE)
-        # The demo checks its promised accuracy.
+            _wait(identifier, 2 * _STEP_TIME)
         solvers = json.loads((out / 'result' / 'summary.json').read_text())['solvers']
         if not solvers['sdp']['physically_consistent']:
-            raise DemoError('the identified model is not physically consistent: check the report')
+            raise DemoError(
+                f'the identified model is not physically consistent: check {out}/result/report.html'
+            )
         cad, identified = (solvers[name]['validation'][0]['filtered'] for name in ('cad', 'sdp'))
         if identified > 0.5 * cad:
             raise DemoError(
-                f'the identified model (error {identified:.1f} %) is not clearly better than '
-                'CAD: check the report'
+                f'the torque error of the identified model ({identified:.1f} %) exceeds half the '
+                f'torque error of the CAD model ({cad:.1f} %): check {out}/result/report.html'
             )
 
     def _run_motion(self, motion: Motion) -> None:
@@ -219,8 +231,8 @@ class DemoRun:
                 )
             )
             print(f'Motion    {motion.name} ({motion.what})', flush=True)
-            # Two nodes that start at once can delay each other by some seconds, in which the
-            # recorder misses messages.
+            # Two nodes that start at the same time can delay each other by seconds. Meanwhile the
+            # recorder would miss messages.
             _wait_for_recorder(recorder)
             excitation = stack.enter_context(
                 NodeProcess(
@@ -230,16 +242,21 @@ class DemoRun:
                         'periods': options.periods,
                         'subscribers': 2,
                         'wait_for_recorder': True,
-                        'wait_timeout': _PATIENCE,
+                        'wait_timeout': _STEP_TIME,
                         'realtime_priority': max(0, options.priority - 1),
                     },
                 )
             )
-            _wait(excitation, _PATIENCE * (2 + options.periods))
+            _wait(excitation, _STEP_TIME * (2 + options.periods))
             if recorder.returncode is not None:
-                raise DemoError(f'recorder ended early:\n{recorder.tail()}')
+                raise DemoError(
+                    f'the recorder ended before the motion; end of its log:\n{recorder.tail()}'
+                )
         if recorder.returncode != 0:
-            raise DemoError(f'recorder ended with status {recorder.returncode}:\n{recorder.tail()}')
+            raise DemoError(
+                f'the recorder ended with exit status {recorder.returncode}; end of its log:\n'
+                f'{recorder.tail()}'
+            )
 
     def _recorder_log(self, motion: Motion) -> Path:
         return self._logs / f'recorder_{motion.name}.log'
@@ -252,18 +269,23 @@ def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
         except ArmClientError:
             if hardware.returncode is not None:
                 raise DemoError(
-                    f'fake_hardware ended with status {hardware.returncode}:\n{hardware.tail()}'
+                    f'fake_hardware ended with exit status {hardware.returncode}; end of its log:\n'
+                    f'{hardware.tail()}'
                 ) from None
-    raise DemoError(f'fake_hardware is not ready after {_START_TIME} s: check {hardware.log}')
+    raise DemoError(f'fake_hardware was not ready within {_START_TIME} s: check {hardware.log}')
 
 
 def _wait_for_recorder(recorder: NodeProcess) -> None:
-    deadline = time.monotonic() + _PATIENCE
+    deadline = time.monotonic() + _STEP_TIME
     while 'publishers found' not in recorder.tail():
         if recorder.returncode is not None:
-            raise DemoError(f'recorder ended early:\n{recorder.tail()}')
+            raise DemoError(
+                f'the recorder ended before the motion; end of its log:\n{recorder.tail()}'
+            )
         if time.monotonic() > deadline:
-            raise DemoError(f'recorder is not ready after {_PATIENCE:g} s: check {recorder.log}')
+            raise DemoError(
+                f'the recorder was not ready within {_STEP_TIME:g} s: check {recorder.log}'
+            )
         time.sleep(0.05)
 
 
@@ -273,7 +295,7 @@ def _arm_client() -> ArmClient:
     # Ctrl-C and SIGTERM raise KeyboardInterrupt in the demo, while the context is still valid.
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('demo')
-    # The end of the node may hit its time limit, so the table is printed before.
+    # Destroying the node may take long, so the demo prints its table first.
     atexit.register(_leave, node)
     return ArmClient(node, ['fake_hardware'])
 
@@ -284,10 +306,12 @@ def _leave(node: Node) -> None:
 
 
 def _wait(process: NodeProcess, timeout: float) -> None:
-    """Wait for a process to succeed; raises DemoError on failure or after `timeout` [s]."""
+    """Wait for the end of a process; raises DemoError if it fails or exceeds `timeout` [s]."""
     try:
         status = process.wait(timeout)
     except TimeoutExpired:
-        raise DemoError(f'{process.name} did not end within {timeout:g} s') from None
+        raise DemoError(
+            f'{process.name} did not end within {timeout:g} s: check the messages above'
+        ) from None
     if status != 0:
-        raise DemoError(f'{process.name} ended with {status}')
+        raise DemoError(f'{process.name} ended with exit status {status}: check the messages above')

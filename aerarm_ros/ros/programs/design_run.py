@@ -1,4 +1,4 @@
-"""One run of the designer, which checks the inputs, searches a trajectory and writes the files."""
+"""`excitation_designer`: check the options, search for a trajectory, and write the files."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from aerarm_ros.ros.process.process_end import ProgressLine
 
 
 def whole_periods(duration: float, fundamental: float) -> int:
-    """Return the number of periods of 1 / fundamental [Hz] in the duration [s].
+    """Return the number of periods in a duration [s], for the fundamental frequency [Hz].
 
     Raises
     ------
@@ -47,21 +47,21 @@ def whole_periods(duration: float, fundamental: float) -> int:
     """
     for name, value in (('fundamental', fundamental), ('duration', duration)):
         if not (math.isfinite(value) and value > 0.0):
-            raise ExcitationError(f'{name} must be positive, got {value}')
+            raise ExcitationError(f'--{name} {value:g} is invalid: pass a positive number')
     periods = duration * fundamental
     whole = round(periods)
     if whole < 1 or abs(periods - whole) > 1e-6:
         near = [n / fundamental for n in (math.floor(periods), math.ceil(periods)) if n > 0]
         raise ExcitationError(
-            f'the duration ({duration:g} s) is not a multiple of the period '
-            f'({1.0 / fundamental:g} s), but incomplete periods impair the filtering: pass '
-            f'{" or ".join(f"{value:g} s" for value in near)}'
+            f'--duration {duration:g} s is not a multiple of the period of '
+            f'{1.0 / fundamental:g} s, and the filters of the identification need whole periods: '
+            f'pass {" or ".join(f"{value:g} s" for value in near)}'
         )
     return whole
 
 
 def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
-    """Return each joint's standard deviation of the torque [Nm], None if it is not given.
+    """Return the standard deviation of each joint torque [Nm], None without `--torque-noise`.
 
     Raises
     ------
@@ -72,20 +72,20 @@ def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
         return None
     noise = one_per_joint('torque noise', options.torque_noise, joints)
     if not (np.isfinite(noise) & (noise > 0.0)).all():
-        raise ExcitationError(f'torque noise must be positive, got {noise.tolist()} Nm')
+        raise ExcitationError(f'--torque-noise {noise.tolist()} is invalid: pass positive values')
     return noise
 
 
 def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
-    """Return the setup of the packaged arm, or of another URDF with or without drive train.
+    """Return model, limits and clearances of the packaged arm, or of the arm of `--urdf`.
 
     Raises
     ------
     ValueError
         If a file cannot be used, or the options contradict each other.
     """
-    other = options.urdf is not None
-    if options.excitation_config or not other:
+    has_urdf = options.urdf is not None
+    if options.excitation_config or not has_urdf:
         config = load_excitation_config(options.excitation_config)
     else:
         config = ExcitationConfig()
@@ -93,11 +93,11 @@ def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
         config = replace(config, bias=tuple(options.bias))
     names = ('acceleration_limit', 'current_limit', 'torque_per_ampere')
     given = {name: values for name in names if (values := getattr(options, name)) is not None}
-    if options.config or not other:
+    if options.config or not has_urdf:
         if given:
             raise ExcitationError(
-                f'--{", --".join(given).replace("_", "-")} cannot be combined with a drive '
-                'train, whose limits apply (--config): remove it'
+                f'--{", --".join(given).replace("_", "-")} cannot be combined with the drive-train '
+                'configuration (--config), which contains these limits: remove one of them'
             )
         arm = load_arm_config(options.config)
         robot = load_robot(
@@ -109,17 +109,20 @@ def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
 
 
 NAME = 'excitation_designer'
-# Validation at other frequencies reveals a model that is valid at one speed only.
+# Factors of the fundamental frequency. Motions of other speeds reveal a model that is valid at one
+# speed only.
 VALIDATION = {'slow': 0.5, 'fast': 2.0}
 
 
 class DesignRun:
-    """One run of the designer, which keeps the best trajectory so far in the output file.
+    """Search for a trajectory; the output file always contains the best trajectory so far.
 
     Parameters
     ----------
-    options : the command line.
-    interrupted : whether the user has stopped the search.
+    options
+        Parsed arguments of the designer.
+    interrupted
+        Returns whether the user has stopped the search.
 
     Raises
     ------
@@ -132,9 +135,14 @@ class DesignRun:
         self._interrupted = interrupted
         self._periods = whole_periods(options.duration, options.fundamental)
         if options.starts < 1 or options.workers < 1:
-            raise ExcitationError('at least one start and one worker are needed')
+            raise ExcitationError(
+                f'--starts {options.starts} or --workers {options.workers} is invalid: pass at '
+                'least 1 for both'
+            )
         if not options.time_limit > 0.0:
-            raise ExcitationError(f'time limit must be positive, got {options.time_limit} s')
+            raise ExcitationError(
+                f'--time-limit {options.time_limit} is invalid: pass a positive number of seconds'
+            )
         self._require_writable()
         self._began = time.monotonic()
         self._finished = 0
@@ -154,21 +162,27 @@ class DesignRun:
         self._designer = TrajectoryDesigner(self._specification)
 
     def run(self) -> None:
-        """Design until all starts are done, the time is up, or the user stops the search."""
+        """Search until all starts are done, the time limit is reached, or the user stops it."""
         try:
             random = self._designer.initial(0, self._is_over)
             validation = self._validation() if self._options.validation else {}
         except DesignStoppedError:
             raise DesignStoppedError(
-                f'{self._why()} before the designer found a feasible trajectory: no '
-                'files were written'
+                f'{self._why()} before the designer found a feasible trajectory, so it wrote no '
+                'files: pass a larger --time-limit or a smaller --amplitude'
             ) from None
-        self._print(f'{NAME}: random    {_figures(random)}, reference for the deviations')
-        # Write files only now, after all inputs have been checked.
+        self._print(
+            f'{NAME}: random    {_figures(random)}; the search compares each result with this '
+            'random trajectory'
+        )
+        # Only after all inputs have been checked may files be written.
         self._save(random, self._options.out, self._specification)
         for path, (specification, result) in validation.items():
             self._save(result, path, specification)
-            self._print(f'{path}: trajectory of {specification.fundamental:g} Hz, for validation')
+            self._print(
+                f'{path}: validation trajectory with a fundamental frequency of '
+                f'{specification.fundamental:g} Hz'
+            )
         self._conclude(self._search(random), random)
 
     def _search(self, random: DesignResult) -> DesignResult:
@@ -178,7 +192,7 @@ class DesignRun:
         ):
             self._finished += 1
             if isinstance(outcome, InfeasibleError):
-                self._print(f'{NAME}: a start was skipped: {outcome}')
+                self._print(f'{NAME}: one random start was skipped: {outcome}')
                 continue
             if self._specification.betters(outcome.quality, best.quality):
                 best = outcome
@@ -187,11 +201,17 @@ class DesignRun:
             self._out_of_time |= outcome.stopped and not self._interrupted()
         if self._finished < options.starts or self._is_over():
             self._out_of_time |= self._finished < options.starts and not self._interrupted()
-            self._print(f'{NAME}: {self._why()}, so the best trajectory so far is the result')
+            self._print(
+                f'{NAME}: {self._why()}; the output file contains the best trajectory found until '
+                'then'
+            )
         return best
 
     def _conclude(self, best: DesignResult, random: DesignResult) -> None:
-        self._print(f'{self._options.out}: smallest margin to each limit\n{best.report.as_table()}')
+        self._print(
+            f'{self._options.out}: smallest distance of the trajectory from each limit\n'
+            f'{best.report.as_table()}'
+        )
         if best is not random:
             reference = 'the random trajectory above'
             compared = best.quality.compared_with(random.quality, reference)
@@ -200,26 +220,27 @@ class DesignRun:
             self._print(f'{NAME}: warning: {warning}')
         if self._options.preview:
             Preview(self._designer, best, random).write(self._options.preview)
-            self._print(f'{self._options.preview}: preview')
+            self._print(f'{self._options.preview}: preview of the trajectory')
 
     def _warnings(self, best: DesignResult, random: DesignResult) -> list[str]:
-        """Return warnings for the user about playing the trajectory."""
+        """Return warnings about the quality of the trajectory and about unchecked limits."""
         warnings = []
         if best is random:
-            more = ': give more time with --time-limit' if self._out_of_time else ''
-            warnings.append(f'no start improved on a random trajectory{more}')
+            more = ': pass a larger --time-limit' if self._out_of_time else ''
+            warnings.append(f'the search found no better trajectory than a random one{more}')
         condition, limit = best.quality.condition_number, self._specification.condition_limit
         if self._specification.objective == BOTH and condition > limit:
             why = (
                 'the time limit was reached: pass a larger --time-limit'
                 if self._out_of_time
                 else (
-                    f'the binding limit is {best.report.binding}. More starts, more time, more '
-                    'harmonics, or a wider limit may help'
+                    f'the binding limit is {best.report.binding}. Try more starts, a larger '
+                    '--time-limit, more harmonics, or a wider limit'
                 )
             )
             warnings.append(
-                f'condition number {condition:.1f} (5.2) exceeds its limit of {limit:g}; {why}'
+                f'the condition number {condition:.1f} (5.2) exceeds its limit of {limit:g} '
+                f'(--condition-limit); {why}'
             )
         limits = self._specification.setup.limits
         unknown = [
@@ -232,16 +253,19 @@ class DesignRun:
             if not np.isfinite(values).any()
         ]
         if unknown:
-            warnings.append(f'the limit of {", ".join(unknown)} is unknown and was not checked')
+            warnings.append(
+                f'the limit of {", ".join(unknown)} is unknown, so the designer did not check it: '
+                'set this limit if the arm has one'
+            )
         return warnings
 
     def _validation(self) -> dict[Path, tuple[DesignSpecification, DesignResult]]:
-        """Return a slower and a faster random trajectory with different coefficients."""
+        """Return a slower and a faster random trajectory for validation, by output file."""
         results = {}
         highest = self._specification.setup.config.highest_frequency
         for name, path in self._validation_paths().items():
             fundamental = VALIDATION[name] * self._options.fundamental
-            # Use as many harmonics as the arm's elasticity permits at this speed.
+            # Elastic vibrations of the arm limit the highest frequency of a motion.
             harmonics = min(self._options.harmonics, int(highest / fundamental + 1e-9))
             try:
                 specification = replace(
@@ -263,26 +287,24 @@ class DesignRun:
         }
 
     def _require_writable(self) -> None:
-        """Try to write every output file before a search of hours."""
+        """Raise ExcitationError before the long search if an output file cannot be written."""
         paths = [self._options.out]
         if self._options.preview:
             paths.append(self._options.preview)
         if self._options.validation:
             paths += self._validation_paths().values()
         if len({path.absolute() for path in paths}) < len(paths):
-            raise ExcitationError('--out and --preview must be different files')
+            raise ExcitationError('--out and --preview name the same file: pass different files')
         existing = [path for path in paths if path.is_file()]
         if existing and not self._options.overwrite:
             raise ExcitationError(
-                f'{existing[0]} exists: name another with '
+                f'{existing[0]} already exists: name another file with '
                 f'{"--preview" if existing[0] == self._options.preview else "--out"}, or pass '
                 '--overwrite'
             )
         for path in paths:
             if path.is_dir():
-                raise ExcitationError(
-                    f'{path} cannot be written, because it is a folder: name a file'
-                )
+                raise ExcitationError(f'{path} is a folder: pass the name of a file')
             trial = path.with_name(f'{path.name}.{os.getpid()}.tmp')
             try:
                 trial.touch()
@@ -294,7 +316,7 @@ class DesignRun:
                 ) from None
 
     def _save(self, result: DesignResult, path: Path, specification: DesignSpecification) -> None:
-        # The requested duration, and at least one period.
+        # As many periods as the requested duration has, but at least one.
         ratio = specification.fundamental / self._options.fundamental
         designed_file(specification, result, max(1, round(self._periods * ratio))).save(path)
 
@@ -310,8 +332,8 @@ class DesignRun:
         remark = result.remark
         if result.stopped and not self._interrupted():
             remark += (
-                f'; start {result.start} stopped after {result.seconds:.0f} s, its part of '
-                '--time-limit: pass a larger limit'
+                f'; start {result.start} stopped after {result.seconds:.0f} s, when its part of '
+                '--time-limit was over: pass a larger limit'
             )
         return f' ({remark})' if remark else ''
 
@@ -320,7 +342,7 @@ class DesignRun:
         print(text, flush=True)
 
     def _watch(self) -> bool:
-        """Show the search's progress on a terminal, and return whether the search is over."""
+        """Print the progress if the output is a terminal; return whether the search is over."""
         if sys.stdout.isatty() and self._progress.due(time.monotonic_ns()):
             self._progress.show(
                 f'{self._seconds():4.1f} of {self._options.time_limit:g} s, '
@@ -333,7 +355,7 @@ class DesignRun:
 
     def _why(self) -> str:
         over = f'the time limit of {self._options.time_limit:g} s was reached'
-        return 'stopped' if self._interrupted() else over
+        return 'the user stopped the search' if self._interrupted() else over
 
     def _seconds(self) -> float:
         return time.monotonic() - self._began

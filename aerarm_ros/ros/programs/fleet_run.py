@@ -1,4 +1,4 @@
-"""`identifier --each`: identify each bag of a fleet separately, with one table and page."""
+"""`identifier --each`: identify one arm per bag, and write one table and page for all bags."""
 
 from __future__ import annotations
 
@@ -33,28 +33,28 @@ Row = dict[str, str | float | int | bool | None]
 
 OK, FAILED = 'ok', 'failed'
 STD = '_std'
-"""Suffix of the columns with standard deviations."""
+"""Suffix of the table columns that contain standard deviations."""
 KEYS = ('bag', 'arm', 'date', 'status', 'reason')
-"""First columns of every row, and the only ones of `failed_row`."""
+"""First columns of the table; the row of a bag without a result has no other values."""
 _PACKAGE = 'aerarm_ros'
 
 
 def identify(bag: Path, settings: argparse.Namespace) -> Row:
-    """Identify an arm from one bag; without side effects, so that a run can be repeated.
+    """Identify an arm from one bag, and return the bag's row of the table.
 
     Parameters
     ----------
     bag : Path
-        Recording; its last fraction `settings.holdout` is used for validation only.
+        Recording; its last part (`settings.holdout`) serves for validation only.
     settings : argparse.Namespace
-        Options of the identifier, and `arm_of_folder`: whether an arm's name is that of the bag's
-        directory instead of the URDF's.
+        Options of the identifier, and `arm_of_folder`. If `arm_of_folder` is true, the arm has the
+        name of the bag's folder, otherwise the name in the URDF.
 
     Returns
     -------
     dict
-        Value by column name, None for a missing value. Parameters have the names of the regressor's
-        columns, and their standard deviations the suffix `_std`.
+        Value by column name, None for a missing value. A parameter has the name of its column in
+        the regressor, and its standard deviation this name with the suffix `_std`.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def identify(bag: Path, settings: argparse.Namespace) -> Row:
 
 
 def first_columns(bag: Path, settings: argparse.Namespace, robot: str = '') -> Row:
-    """Return the columns that every row has, for a bag that has not been read."""
+    """Return the first columns of the row of a bag, with the status `failed`."""
     arm = bag.resolve().parent.name if settings.arm_of_folder else robot
     return {'bag': str(bag), 'arm': arm, 'date': None, 'status': FAILED, 'reason': None}
 
@@ -109,7 +109,7 @@ def _verdict(result: IdentificationResult, settings: argparse.Namespace) -> bool
 
 
 def _date(start: float) -> str | None:
-    """Return the start of a recording as text; None for tables, whose time begins at 0."""
+    """Return the start of a recording [s since 1970] as text; None for tables without a date."""
     day = 86400.0
     if start < day:
         return None
@@ -130,12 +130,12 @@ def _version() -> str:
 JOURNAL, TABLE, COLUMNS, PAGE = 'rows.jsonl', 'fleet.csv', 'fleet.parquet', 'fleet.html'
 _BAG_FILES = ('.mcap', '.db3', '.bag', *TABLES)
 _LIST = '.txt'
-# Options that change the processing but not the rows.
+# Options on which the content of a row does not depend.
 _NOT_IN_ROWS = ('each', 'out', 'workers', 'worker_memory', 'ray', 'started', 'bag')
 
 
 class FleetRun:
-    """Identify each bag, and store each row at once.
+    """Identify each bag, and store each row as soon as it is known.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class FleetRun:
     Raises
     ------
     IdentificationError
-        If there is no bag, or an option contradicts --each.
+        If --each names no bag, or another option contradicts --each.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -153,8 +153,8 @@ class FleetRun:
         given |= {'--payload': options.payload, '--truth': options.truth}
         if wrong := [name for name, value in given.items() if value]:
             raise IdentificationError(
-                f'{", ".join(wrong)} cannot be combined with --each, which identifies each bag '
-                'separately: remove the option, and validate with --holdout'
+                f'{", ".join(wrong)} cannot be combined with --each: remove this option; for a '
+                'validation pass --holdout'
             )
         self._bags = find_bags(options.each)
         folders = {bag.resolve().parent for bag in self._bags}
@@ -165,11 +165,11 @@ class FleetRun:
 
     @property
     def passed(self) -> bool:
-        """Whether every identified bag satisfies the limits of --verify."""
+        """Whether the torque errors of all identified bags satisfy the limits of --verify."""
         return all(row.get('verdict') is not False for row in self._rows.values())
 
     def execute(self) -> str:
-        """Identify the bags that the table lacks; return a summary for the terminal.
+        """Identify all bags that have no row yet, and return a summary for the terminal.
 
         Raises
         ------
@@ -182,7 +182,10 @@ class FleetRun:
         self._rows |= known
         missing = [bag for bag in self._bags if str(bag) not in known]
         if known:
-            self._say(f'{len(known)} of {len(self._bags)} bags are already in {self._out}')
+            self._print(
+                f'{self._out} already contains the results of {len(known)} of {len(self._bags)} '
+                'bags'
+            )
         progress = ProgressLine('identifier', sys.stderr)
         try:
             with (self._out / JOURNAL).open('a', encoding='utf-8') as journal:
@@ -218,7 +221,7 @@ class FleetRun:
         return first_columns(bag, self._settings) | {'reason': outcome.reason}
 
     def _mark(self, bag: Path) -> str:
-        """Return a hash of a row's inputs: the bag's files and the options."""
+        """Return a hash of the bag's files and of the options that determine its row."""
         files = sorted(bag.iterdir()) if bag.is_dir() else [bag]
         facts = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files]
         options = sorted(
@@ -229,13 +232,13 @@ class FleetRun:
         return hashlib.sha256(repr((facts, options)).encode()).hexdigest()[:16]
 
     def _known(self, marks: dict[str, str]) -> dict[str, Row]:
-        """Return the valid rows of an earlier run, without truncated ones."""
+        """Return the rows of an earlier run whose bags and options have not changed."""
         found: dict[str, Row] = {}
         path = self._out / JOURNAL
         if not path.is_file():
             if any(self._out.iterdir()):
                 raise IdentificationError(
-                    f'{self._out} contains other files: name another folder with --out'
+                    f'{self._out} contains files of another program: name another folder with --out'
                 )
             return found
         for line in path.read_text(encoding='utf-8').splitlines():
@@ -245,7 +248,7 @@ class FleetRun:
                 if marks.get(bag) == entry['mark']:
                     found[bag] = entry['row']
             except (ValueError, KeyError, TypeError):
-                continue  # a line that was truncated when the run ended
+                continue  # the earlier run ended while it wrote this line
         return found
 
     def _write(self) -> None:
@@ -262,9 +265,9 @@ class FleetRun:
             import pyarrow
             import pyarrow.parquet
         except ImportError:
-            self._say(
-                f'{COLUMNS} is not written, because pyarrow is missing: pip install '
-                "'aerarm_ros[fleet]'"
+            self._print(
+                f'{COLUMNS} is not written, because the Python package pyarrow is missing: run '
+                "pip install 'aerarm_ros[fleet]'"
             )
             return
         table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
@@ -277,8 +280,8 @@ class FleetRun:
         if len(failed) == len(self._rows):
             first = failed[0]
             raise IdentificationError(
-                f'none of {len(failed)} bags could be identified; reason of the first, '
-                f'{first["bag"]}: {first["reason"]}'
+                f'none of {len(failed)} bags could be identified. The first bag, '
+                f'{first["bag"]}, failed: {first["reason"]}'
             )
         lines = [f'{len(self._rows) - len(failed)} of {len(self._rows)} bags identified']
         lines += [f'failed: {row["bag"]}: {row["reason"]}' for row in failed]
@@ -286,14 +289,15 @@ class FleetRun:
         return '\n'.join(lines)
 
     @staticmethod
-    def _say(text: str) -> None:
+    def _print(text: str) -> None:
         print(f'identifier: {text}', file=sys.stderr)
 
 
 def find_bags(given: Sequence[Path]) -> list[Path]:
-    """Return the bags that paths, directories, patterns and lists name, sorted, without repetition.
+    """Return the bags that the arguments of `--each` name, sorted, each once.
 
-    A directory without bag files is searched recursively; a .txt file lists one path per line.
+    An argument is a bag, a folder to search for bags, a pattern, or a .txt file with one path per
+    line.
 
     Raises
     ------
@@ -305,9 +309,9 @@ def find_bags(given: Sequence[Path]) -> list[Path]:
         bags = list(_bags_of(path))
         if not bags:
             raise IdentificationError(
-                f'no bag found in --each {path}. Pass rosbag2 folders, {", ".join(_BAG_FILES)} '
-                f'files, folders of bags, a quoted pattern, or a {_LIST} file with one path per '
-                'line'
+                f'--each {path} names no bag: pass rosbag2 folders, {", ".join(_BAG_FILES)} '
+                f'files, folders that contain bags, a quoted pattern, or a {_LIST} file with one '
+                'path per line'
             )
         found += bags
     return sorted(dict.fromkeys(found))

@@ -1,4 +1,4 @@
-"""Bags as recordings of one arm."""
+"""Read bags and tables as recordings of one arm, for the identifier."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from aerarm_ros.identification.recording.recording import (
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions, read_table
 
 _COMMAND, _MODE, _DIAGNOSTICS = 'joint_command', 'arm_mode', 'diagnostics'
-_MOST = 2_000_000  # messages, 33 min at 1 kHz; a limit because memory is limited
-_MOST_DESIRED = 20_000  # commands that figures can show
+_MAX_STATES = 2_000_000  # messages per bag, 33 min at 1 kHz, because memory is limited
+_MAX_DESIRED = 20_000  # commands per bag, for the figures
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedBag:
-    """Content of one bag: a recording, its completeness, and the commands."""
+    """Content of one bag: joint states, facts about their completeness, and commanded velocity."""
 
     recording: Recording
     facts: BagFacts
@@ -44,12 +44,12 @@ class RecordedBag:
 
 
 class IdentifierBags:
-    """Read the joint states of one arm, and its commands.
+    """Read the joint states and the commands of one arm from bags and tables.
 
     Parameters
     ----------
     topic : str
-        Joint state topic; commands, modes and diagnostics are expected in its namespace.
+        Joint state topic. The topics of commands, modes and diagnostics have the same namespace.
     joint_names : tuple of str
         The arm's joints, from base to tool.
     mapping : JointMapping
@@ -57,9 +57,9 @@ class IdentifierBags:
     limits : ReadLimits, optional
         Limits of time and memory while reading a bag.
     table : TableOptions, optional
-        Settings of tables, such as units.
+        Units and sampling rate of tables.
     whole : bool
-        Whether to use all messages of a bag, including those of the arm at rest.
+        Whether to use all messages of a bag, even those recorded while the arm rests.
 
     Attributes
     ----------
@@ -96,30 +96,30 @@ class IdentifierBags:
         self.messages: list[str] = []
 
     def read(self, path: Path, name: str) -> RecordedBag:
-        """Read the motion in a bag.
+        """Read the recorded motion from a bag or a table.
 
         Parameters
         ----------
         path : Path
             rosbag2 directory, .mcap or .db3 file; or a table, .csv or .npz.
         name : str
-            Name for tables and messages.
+            Name of the bag in reports and messages.
 
         Raises
         ------
         BagError
-            If the bag cannot be read, or is incomplete.
+            If the bag cannot be read.
         IdentificationError
-            If its content cannot be used for identification.
+            If the content cannot be used for identification.
         """
         if path.suffix.lower() in TABLES and path.is_file():
             return self._read_table(path, name)
         notes: list[str] = []
-        others = [self._beside(topic) for topic in (_COMMAND, _MODE, _DIAGNOSTICS)]
+        others = [self._in_namespace(topic) for topic in (_COMMAND, _MODE, _DIAGNOSTICS)]
         try:
             with _collected_warnings(notes):
                 others.append(f'/{_DIAGNOSTICS}')
-                contents = read_contents(path, self._topic, others, _MOST, self._limits)
+                contents = read_contents(path, self._topic, others, _MAX_STATES, self._limits)
         except BagError as error:
             raise BagError('; '.join([str(error), *notes])) from None
         states = contents.joint_states[self._topic]
@@ -133,7 +133,7 @@ class IdentifierBags:
             self._commanded(contents),
             self._whole,
         )
-        commands = contents.joint_states.get(self._beside(_COMMAND))
+        commands = contents.joint_states.get(self._in_namespace(_COMMAND))
         facts = BagFacts(
             recording.span.text if recording.span else 'whole bag',
             lost_messages(states.sequence),
@@ -151,15 +151,15 @@ class IdentifierBags:
         used = recording.span.text if recording.span else 'whole table'
         return RecordedBag(recording, BagFacts(used, columns=states.columns), None)
 
-    def _beside(self, topic: str) -> str:
+    def _in_namespace(self, topic: str) -> str:
         return f'{self._topic.rpartition("/")[0]}/{topic}'
 
     def _commanded(self, contents: BagContents) -> tuple[slice, str] | None:
-        """Return the messages during which the arm followed commands, None if unknown."""
+        """Return the slice of messages in which the arm followed commands, None if unknown."""
         states = contents.joint_states[self._topic]
-        modes = contents.texts.get(self._beside(_MODE), [])
+        modes = contents.texts.get(self._in_namespace(_MODE), [])
         span = running_span(states.log_time, states.position, modes)
-        commands = contents.joint_states.get(self._beside(_COMMAND))
+        commands = contents.joint_states.get(self._in_namespace(_COMMAND))
         if span is None and commands is not None:
             span = commanded_span(states.stamp, states.position, commands.stamp)
         return span
@@ -175,12 +175,12 @@ class IdentifierBags:
         given = np.isfinite(dq[first]).all(axis=1)
         if given.sum() < 2:
             return None
-        thinned = np.flatnonzero(given)[:: -(-int(given.sum()) // _MOST_DESIRED)]
+        thinned = np.flatnonzero(given)[:: -(-int(given.sum()) // _MAX_DESIRED)]
         return DesiredVelocity(time[thinned], dq[first[thinned]])
 
 
 def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
-    """Return a short name of each bag, or its path if the directory's name is ambiguous."""
+    """Return the folder name of each bag by its path, or the path if two folders share a name."""
     paths = list(dict.fromkeys(paths))
     names = [path.resolve().name for path in paths]
     return {
@@ -190,17 +190,17 @@ def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
 
 
 def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) -> list[str]:
-    """Return notes on bags that were given more than once."""
+    """Return warnings about bags that the options name more than once."""
     notes = [
-        f'{path} is given {identification.count(path)} times for identification, which makes the '
-        'uncertainty look too small: pass each bag once'
+        f'{path} is given {identification.count(path)} times for identification, so the computed '
+        'uncertainty of the parameters is too small: pass each bag once'
         for path in dict.fromkeys(identification)
         if identification.count(path) > 1
     ]
     return notes + [
         (
             f'{path} is used for identification and for validation, so its validation error '
-            'is meaningless: pass another bag'
+            'is meaningless: pass another bag to --validation'
         )
         for path in dict.fromkeys(identification)
         if path in validation
@@ -208,23 +208,23 @@ def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) ->
 
 
 def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
-    """Return warnings of missing messages, by the counts that the bag contains.
+    """Return warnings if the number of messages differs from the number in metadata.yaml.
 
-    If a bag contains fewer messages than it counts, messages were lost after recording. A killed
-    recorder leaves a count that is too low, or no count.
+    If a bag contains fewer messages than metadata.yaml lists, messages were lost after recording.
+    A killed recorder leaves a number that is too low, or no metadata.yaml.
     """
     kept, expected = len(contents.joint_states[topic]), contents.expected
     count = kept + contents.left_out
     notes = []
     if contents.left_out:
         notes.append(
-            f'{name}: only the first {kept} of {count} messages of {topic} are used; cut the bag '
-            'to the relevant motion'
+            f'{name}: the identifier uses only the first {kept} of {count} messages of {topic}: '
+            'cut the bag to the relevant motion'
         )
     if expected is None:
         notes.append(
             f'{name}: metadata.yaml is missing or unreadable, so the recording may be '
-            'incomplete; check that the recorder ended normally, and copy the whole bag'
+            'incomplete: check that the recorder ended normally, and copy the whole bag'
         )
     elif count < expected:
         notes.append(
@@ -233,15 +233,16 @@ def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
         )
     elif count > expected:
         notes.append(
-            f'{name} has {count} messages of {topic}, but metadata.yaml lists {expected}: the '
-            'recorder was killed, so the end of the motion may be missing'
+            f'{name} contains {count} messages of {topic}, but metadata.yaml lists {expected}, '
+            'because the recorder was killed. The end of the motion may be missing: record the '
+            'bag again'
         )
     return notes
 
 
 @contextlib.contextmanager
 def _collected_warnings(texts: list[str]) -> Iterator[None]:
-    """Context that adds the warnings from reading a bag to a list, even after an error."""
+    """Add warnings about a bag, issued inside this context, to `texts`, even after an error."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
         try:

@@ -1,4 +1,4 @@
-"""Comparison of two results of the identifier or of the motor bench."""
+"""`identifier --compare`: compare two results of the identifier or of the motor bench."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FILE, _BENCH, _PAGE = 'estimate.yaml', 'motor_bench.yaml', 'comparison.html'
 
 
 class CompareRun:
-    """Run of `--compare OLD NEW`: a table and, with `--out`, a page and numbers.
+    """Compare two results; with `--out`, also write an HTML page and a JSON file.
 
     Parameters
     ----------
@@ -29,19 +29,21 @@ class CompareRun:
     Raises
     ------
     IdentificationError
-        If bags are given in addition to --compare.
+        If --bag, --model or --payload is passed in addition to --compare.
     """
 
     passed = True
 
     def __init__(self, options: argparse.Namespace) -> None:
         if options.bag or options.model or options.payload:
-            raise IdentificationError('--compare compares two results: remove --bag')
+            raise IdentificationError(
+                '--compare compares two existing results: remove --bag, --model and --payload'
+            )
         self._paths: list[Path] = [_estimate(path) for path in options.compare]
         self._out: Path | None = options.out
 
     def execute(self) -> str:
-        """Compare the two results, write the output files, and return a table for the terminal.
+        """Compare the two results, write the output files, and return text for the terminal.
 
         Raises
         ------
@@ -51,8 +53,8 @@ class CompareRun:
         benches = [path.name == _BENCH for path in self._paths]
         if any(benches) and not all(benches):
             raise IdentificationError(
-                '--compare has one result of the motor bench and one of the identifier: pass two '
-                'results of the same kind'
+                '--compare cannot compare a result of motor_bench with a result of identifier: '
+                'pass two results of the same program'
             )
         compare = compare_benches if all(benches) else compare_estimates
         comparison = compare(*self._paths)
@@ -79,7 +81,7 @@ def _estimate(path: Path) -> Path:
 
 
 def _lines(comparison: EstimateComparison) -> list[str]:
-    """Return lines with the significant differences, and with the number of insignificant ones."""
+    """Return one line per parameter that differs significantly, then the numbers of parameters."""
     clear = [change for change in comparison.changes if change.is_clear]
     lines = [
         f'{change.name}: {change.old:.4g} -> {change.new:.4g} {change.unit}'.rstrip()
@@ -92,6 +94,7 @@ def _lines(comparison: EstimateComparison) -> list[str]:
     )
     if comparison.unmatched:
         lines.append(
-            f'{comparison.unmatched} parameter sums are identifiable in only one of the two results'
+            f'{comparison.unmatched} sums of parameters are identifiable in only one of the two '
+            'results'
         )
     return lines

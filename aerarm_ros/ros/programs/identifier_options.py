@@ -1,4 +1,4 @@
-"""Options of the identifier; this module imports no slow library, so that --help is quick."""
+"""Options of the identifier's command line; without slow imports, so `--help` is fast."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
 
 def _optional_path(text: str) -> Path | None:
-    """Convert text to a path; return None for the empty text of an unset launch argument."""
+    """Convert text to a path; an empty text (a launch argument without a value) gives None."""
     return Path(text) if text else None
 
 
@@ -20,163 +20,172 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bag',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
-        'bags for identification; also .mcap, .db3, .csv and .npz files, and .bag of ROS 1',
+        'recordings from which to identify the arm: rosbag2 folders, or .mcap, .db3, .csv, .npz '
+        'and ROS 1 .bag files',
     ),
     (
         '--validation',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
-        'bags for validation',
+        'recordings for validation, which the identification does not use',
     ),
     (
         '--payload',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
-        'bags of the same arm with a payload: estimate its mass, centre of mass and inertia',
+        'recordings of the same arm with a payload, from which the identifier estimates the '
+        "payload's mass, centre of mass and inertia",
     ),
     (
         '--model',
         {'type': _optional_path, 'metavar': 'FILE'},
-        'estimate.yaml of the arm: estimate only the payload of --payload, without --bag',
+        'identified model of the arm, estimate.yaml: the identifier then estimates only the '
+        'payload of --payload, and needs no --bag',
     ),
     (
         '--each',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'BAG'},
-        'identify each bag separately and write one table. Pass bags, folders, a quoted pattern, '
-        'or a .txt file with one path per line; repeat with the same --out to continue an '
-        'interrupted run',
+        'identify one arm per bag and write one table of all arms. Pass bags, folders, a quoted '
+        'pattern, or a .txt file with one path per line. To continue an interrupted run, repeat '
+        'the command with the same --out',
     ),
     (
         '--workers',
         {'type': int, 'default': 0, 'metavar': 'N'},
-        'number of processes for --each (default: one per CPU)',
+        'number of parallel processes for --each (default: one per CPU)',
     ),
     (
         '--worker-memory',
         {'type': float, 'default': 4.0, 'metavar': 'GIB'},
-        'memory limit per process for --each [GB]; 0 for none (default: %(default)g)',
+        'memory limit of each process of --each [GiB]; 0 for no limit (default: %(default)g)',
     ),
     (
         '--ray',
         {'default': '', 'metavar': 'ADDRESS'},
-        "run --each on the Ray cluster at this address; 'local' starts one on this computer",
+        "address of the Ray cluster on which to run --each; 'local' starts a cluster on this "
+        'computer',
     ),
     (
         '--holdout',
         {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
-        'fraction at the end of each --bag to use for validation',
+        'fraction of each recording of --bag, taken from its end, for validation instead of '
+        'identification',
     ),
     (
         '--urdf',
         {'type': _optional_path, 'metavar': 'FILE'},
-        'URDF of the arm (default: packaged)',
+        'URDF of the arm (default: the packaged arm)',
     ),
     (
         '--config',
         {'type': _optional_path, 'metavar': 'FILE'},
-        'configuration with motors and gears, for example config/aerarm.yaml',
+        'arm configuration with motors and gears, for example config/aerarm.yaml',
     ),
     (
         '--topic',
         {'default': '/joint_states', 'metavar': 'NAME'},
-        'JointState topic (default: %(default)s)',
+        'topic of the joint states in the bags (default: %(default)s)',
     ),
     (
         '--rate',
         {'type': float, 'metavar': 'HZ'},
-        'sampling rate of a .csv or .npz without a time column',
+        'sampling rate of .csv and .npz files without a time column [Hz]',
     ),
     (
         '--degrees',
         {'action': 'store_true'},
-        'positions and velocities without a unit in .csv and .npz are in degrees',
+        'read positions and velocities of .csv and .npz files in degrees if the column name '
+        'states no unit',
     ),
     (
         '--numbered-from',
         {'type': int, 'choices': (0, 1)},
-        'number of the first joint in the columns of a .csv (default: detected)',
+        'number of the first joint in the column names of a .csv file (default: detected)',
     ),
     (
         '--bag-ratio',
         {'type': float, 'default': 100.0, 'metavar': 'N'},
-        'largest ratio of memory to file size of a bag (default: %(default)g)',
+        'largest accepted ratio of decompressed size to file size of a bag (default: %(default)g)',
     ),
     (
         '--bag-part',
         {'type': float, 'default': 64.0, 'metavar': 'MB'},
-        'largest chunk or message of a bag [MB] (default: %(default)g)',
+        'largest accepted chunk or message of a bag [MiB] (default: %(default)g)',
     ),
     (
         '--out',
         {'type': Path, 'metavar': 'DIR'},
-        'result folder (default: output/identification_...)',
+        'result folder (default: output/identification_DATE_TIME)',
     ),
     (
         '--verify',
         {'type': Path, 'metavar': 'FILE'},
-        'limits of the filtered validation error in percent, for example 2.0; exit status 1 if '
-        'exceeded',
+        'YAML file with upper limits of result values, for example filtered: 2.0 for the filtered '
+        'validation error [%%]; if a value exceeds its limit, the exit status is 1',
     ),
     (
         '--compare',
         {'nargs': 2, 'type': Path, 'metavar': ('OLD', 'NEW')},
-        'two results to compare; prints friction and inertia that differ by more than their '
-        'uncertainty. No bags',
+        'compare two existing results instead of reading bags: print the parameters that differ '
+        'by more than their uncertainty',
     ),
     (
         '--truth',
         {'type': Path, 'metavar': 'FILE'},
-        ('file with the true parameters of a simulated arm'),
+        'file with the true parameters of a simulated arm, for comparison with the estimates',
     ),
     (
         '--tf-prefix',
         {'default': '', 'metavar': 'TEXT'},
-        "prefix of the bag's joint names relative to the URDF, for example left_",
+        'prefix that the joint names have in the bag but not in the URDF, for example left_',
     ),
     (
         '--rename',
         {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'},
-        'joint name in the bag and in the URDF',
+        'name of a joint in the bag, and its name in the URDF',
     ),
     (
         '--lock',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the URDF to lock',
+        'joints of the URDF that did not move; the model treats them as fixed',
     ),
     (
         '--ignore',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the bag to ignore',
+        'joints in the bag that do not belong to the arm',
     ),
     (
         '--effort-gain',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT=GAIN'},
-        'scale from recorded effort to Nm, for example a torque constant in Nm/A',
+        'factor that converts the recorded effort of a joint to Nm, for example a torque constant '
+        'in Nm/A',
     ),
     (
         '--effort-gain-std',
         {'type': float, 'metavar': 'SHARE'},
-        'relative standard deviation of the effort gains, for the uncertainty of a payload '
-        '(default: 0.1 with --effort-gain, else 0); payload_estimator --known-mass calibrates '
-        'the gains',
+        'relative standard deviation of the factors of --effort-gain, which affects the '
+        'uncertainty of a payload (default: 0.1 with --effort-gain, otherwise 0); '
+        'payload_estimator --known-mass calibrates these factors',
     ),
     (
         '--gravity',
         {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
-        'gravity in the base frame [m/s^2]',
+        "gravity in the frame of the arm's base [m/s^2] (default: as in --config, otherwise 0 0 "
+        '-9.81)',
     ),
     (
         '--exact-gravity',
         {'action': 'store_true'},
-        'assume the stated gravity: do not estimate a tilt of the base',
+        'use the given direction of gravity, and do not estimate a tilt of the base',
     ),
     (
         '--exact-stamps',
         {'action': 'store_true'},
-        'positions, velocities and efforts of a message have the same time: do not estimate delays',
+        'assume that position, velocity and effort in one message were measured at the same time, '
+        'and estimate no delays between them',
     ),
     (
         '--fundamental',
         {'type': float, 'metavar': 'HZ'},
-        'fundamental frequency f0 of a periodic motion (default: detected)',
+        'fundamental frequency f0 of a periodic motion [Hz] (default: detected)',
     ),
     (
         '--harmonics',
@@ -186,41 +195,45 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--cutoff',
         {'type': float, 'metavar': 'HZ'},
-        'cutoff frequency of the torque low-pass (default: chosen by cross-validation)',
+        'cutoff frequency of the low-pass filter for the torque [Hz] (default: chosen by '
+        'cross-validation)',
     ),
     (
         '--filter',
         {'choices': ('auto', 'harmonics', 'butterworth'), 'default': 'auto'},
-        'filter of positions, velocities and accelerations: rectangular windows at the harmonics '
-        'of a periodic motion, zero-phase low-pass, or chosen by cross-validation (default)',
+        'filter of positions, velocities and accelerations. harmonics: rectangular windows at the '
+        'harmonics of a periodic motion; butterworth: zero-phase low-pass; auto (default): the '
+        'better filter in a cross-validation',
     ),
     (
         '--friction',
         {'default': 'auto', 'metavar': 'MODEL'},
-        'friction model: auto (default), or one or several of coulomb, load, offset, creep, '
-        'stribeck, dahl (dry friction builds up over 0.01 rad after a reversal) and asymmetric, '
-        'joined by +',
+        'friction model: auto (default), or terms joined by +, for example coulomb+load. Terms are '
+        'coulomb, load, offset, creep, stribeck, asymmetric and dahl (dry friction that builds up '
+        'over 0.01 rad after a reversal)',
     ),
     (
         '--coupled',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT=DRIVER'},
-        'joints whose torque depends on velocity and acceleration of another joint, the driver, '
-        'in addition to the pairs of --config',
+        'pairs of coupled drives, in addition to those of --config: the torque of JOINT depends '
+        'on velocity and acceleration of DRIVER',
     ),
     (
         '--rollouts',
         {'action': 'store_true'},
-        'also simulate every model over half-second windows of the validation data',
+        'also simulate each identified model over windows of 0.5 s of the validation data',
     ),
     (
         '--total-mass',
         {'nargs': 2, 'type': float, 'metavar': ('MIN', 'MAX')},
-        'total mass of all moving links, from weighing [kg]',
+        'smallest and largest possible total mass of the moving links [kg], for example from '
+        'weighing',
     ),
     (
         '--bound-centres',
         {'action': 'store_true'},
-        'keep each centre of mass within the inertia box of its link in the URDF',
+        "constrain the centre of mass of each link to the homogeneous box that has the link's "
+        'inertia in the URDF',
     ),
     (
         '--solvers',
@@ -233,8 +246,8 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
             'default': [],
             'metavar': 'NAME',
         },
-        'additional solvers: wls (default), huber, entropic, output_error, slsqp, annealing (the '
-        'last two take seconds); cad, cad_friction, ols and sdp always run',
+        'solvers in addition to cad, cad_friction, ols and sdp, which always run (default: wls); '
+        'slsqp and annealing take seconds',
     ),
 )
 
@@ -282,7 +295,6 @@ def add_arm_options(parser: OneLineParser) -> None:
 def _add_options(parser: OneLineParser, wanted: Collection[str]) -> None:
     for option, details, text in _OPTIONS:
         if option in wanted:
-            # A list option that is given twice adds up instead of replacing the first list
-            # silently.
+            # If the user gives a list option twice, both lists apply.
             more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
             parser.add_argument(option, help=text, **more, **details)

@@ -1,4 +1,4 @@
-"""One run of the identifier: from bags to files and a table."""
+"""`identifier`: read bags, identify the model, and write the result files."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ RESULT_FILES = (
     *('estimate.yaml', 'identified.urdf', 'identified.xml', 'identified.sdf', 'payload.yaml'),
     *('report.html', MARKER),
 )
-"""Files that a result may contain."""
+"""Names of the files that `identifier` writes."""
 
 
 def write_result(
     result: IdentificationResult, directory: ResultDirectory, extras: ReportExtras
 ) -> tuple[str, ...]:
-    """Write estimate, URDF, MJCF, SDF, payload and report; return messages about them.
+    """Write estimate, URDF, MJCF, SDF, payload and report; return warnings about these files.
 
     Raises
     ------
@@ -79,8 +79,8 @@ def write_result(
     viscous, coulomb = equivalent_friction(estimate, result.identification)
     directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
     load = estimate.joint_values(TermKind.LOAD.value)
-    beside = equivalent_friction(estimate, result.identification, beside_load=True)
-    friction = (viscous, coulomb, LoadFriction(load, *beside))
+    others = equivalent_friction(estimate, result.identification, beside_load=True)
+    friction = (viscous, coulomb, LoadFriction(load, *others))
     urdf = identified_urdf(result.robot, estimate.inertial, *friction)
     notes = (*urdf.warnings, *unwritten(estimate))
     result.warnings.extend(text for text in notes if text not in result.warnings)
@@ -100,8 +100,8 @@ _ROLES = ('identification', 'validation')
 
 
 def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
-    """Return, as text, the largest torque error of each written model over the judged bags."""
-    lines = [f'Torque error of the written files [%], filtered, on {_names(judged)}']
+    """Return a table with the largest torque error of each written file over the given bags."""
+    lines = [f'Filtered torque error of the model in each written file [%], on {_names(judged)}']
     width = max((len(error.file) for error in exports), default=0)
     for error in exports:
         worst = max(error.filtered[-len(judged) :])
@@ -112,11 +112,11 @@ def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) ->
 def _names(judged: Sequence[Recording]) -> str:
     if len(judged) == 1:
         return judged[0].name
-    return f'the worst of {len(judged)} bags'
+    return f'the bag with the largest error, of {len(judged)} bags'
 
 
 def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) -> str:
-    """Return the errors of each solver on each bag, and facts about the used data.
+    """Return a table of each solver's torque error on each bag, and facts about each bag.
 
     Parameters
     ----------
@@ -141,7 +141,8 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
     if result.gravity is not None and result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
-            f'gravity is {degrees:.2f} degrees off the direction of --gravity; the estimate is used'
+            f'the estimated gravity differs by {degrees:.2f} degrees from the direction of '
+            '--gravity; the result uses the estimate'
         )
     lines += [f'{bag}: {known.text}' for bag, known in facts.items()]
     return '\n'.join(lines)
@@ -151,25 +152,25 @@ _MB = 2**20  # bytes
 
 
 class RecordedArm:
-    """The URDF, the drives, and the recordings of an arm.
+    """URDF, drive configuration and recordings of one arm, read as the options specify.
 
     Parameters
     ----------
     options : argparse.Namespace
         Options of `identifier_options.add_arm_options`.
     paths : sequence of Path
-        All bags that will be read, for their names.
+        All bags and tables that the program will read.
     whole : bool
-        Whether to use all messages of a bag, including those of the arm at rest.
+        Whether to use all messages of a bag, even those recorded while the arm rests.
 
     Attributes
     ----------
     config : ArmConfig or None
-        Configuration of the arm, None for the URDF of another arm without a configuration.
+        Configuration of the arm; None if --urdf names another arm and --config is not given.
     messages : list of str
-        Warnings from reading the bags; callers may add to it.
+        Warnings from reading the bags, to which callers may add.
     read : dict
-        RecordedBag of each read bag, by the bag's name.
+        Content of each bag that was read, by the bag's name.
 
     Raises
     ------
@@ -189,8 +190,8 @@ class RecordedArm:
         }
         for option in () if tables else [name for name, is_given in given.items() if is_given]:
             raise IdentificationError(
-                f'{option} is for tables (.csv, .npz), but all inputs are bags, which have '
-                'stamps and joint names, and use rad: remove the option'
+                f'{option} applies to tables (.csv, .npz) only, but all inputs are bags, which '
+                'contain stamps, joint names and angles in rad: remove the option'
             )
         self.config = _load_config(options)
         self.robot = _load_robot(options, self.config)
@@ -203,26 +204,26 @@ class RecordedArm:
         self.read: dict[str, RecordedBag] = {}
 
     def name(self, path: Path) -> str:
-        """Return a bag's short name."""
+        """Return the short name of a bag, for messages and tables."""
         return self._names[path]
 
     def recording(self, path: Path) -> Recording:
-        """Read a bag; raises BagError or IdentificationError."""
+        """Read and return the recording of a bag; raises BagError or IdentificationError."""
         name = self._names[path]
         self.read[name] = self._bags.read(path, name)
         return self.read[name].recording
 
     def facts(self) -> dict[str, BagFacts]:
-        """Return the completeness of the bags that were read."""
+        """Return, for each bag that was read, which messages were used and which are missing."""
         return {name: bag.facts for name, bag in self.read.items()}
 
 
 UNCALIBRATED = 0.1
-"""Relative deviation of torque constants from manufacturers and papers."""
+"""Relative standard deviation assumed for a torque constant from a data sheet or a paper."""
 
 
 def gain_deviation(options: argparse.Namespace) -> float:
-    """Return the relative deviation of the effort gains; raises IdentificationError."""
+    """Return the relative standard deviation of the effort gains; raises IdentificationError."""
     given = options.effort_gain_std
     if given is None:
         return UNCALIBRATED if options.effort_gain else 0.0
@@ -235,7 +236,7 @@ def gain_deviation(options: argparse.Namespace) -> float:
 
 
 def pair(text: str, option: str) -> tuple[str, str]:
-    """Return both sides of LEFT=RIGHT; raises IdentificationError for other texts."""
+    """Split a text of the form LEFT=RIGHT; raises IdentificationError for other texts."""
     left, equals, right = text.partition('=')
     if not (left and equals and right):
         raise IdentificationError(f'{option} {text} is invalid: write LEFT=RIGHT')
@@ -243,7 +244,7 @@ def pair(text: str, option: str) -> tuple[str, str]:
 
 
 def _load_config(options: argparse.Namespace) -> ArmConfig | None:
-    # Another arm's URDF does not describe this package's motors.
+    # The packaged configuration describes the motors of the packaged arm only.
     if options.config is None and options.urdf is not None:
         return None
     return load_arm_config(options.config)
@@ -275,12 +276,12 @@ def _number(text: str, option: str) -> float:
     except ValueError:
         value = float('nan')
     if not np.isfinite(value) or value == 0.0:
-        raise IdentificationError(f'{option} {text} must be a number other than zero')
+        raise IdentificationError(f'{option} {text} is invalid: pass a finite number except zero')
     return value
 
 
 class IdentifierRun:
-    """Run of the identifier with its command-line options.
+    """Identify an arm with the options of the command line.
 
     Parameters
     ----------
@@ -297,7 +298,10 @@ class IdentifierRun:
         self._options = options
         self._stopwatch = Stopwatch()
         if not 0.0 <= options.holdout < 1.0:
-            raise IdentificationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
+            raise IdentificationError(
+                f'--holdout {options.holdout:g} is invalid: pass a fraction of at least 0 and '
+                'below 1'
+            )
         paths: list[Path] = [*options.bag, *options.validation, *options.payload]
         self._arm = RecordedArm(options, paths)
         self._limits = read_limits(options.verify) if options.verify else {}
@@ -306,11 +310,11 @@ class IdentifierRun:
 
     @property
     def passed(self) -> bool:
-        """Whether the result satisfies the limits of --verify; True without limits."""
+        """Whether the torque errors satisfy the limits of --verify; True without --verify."""
         return self._verdict is None or self._verdict.passed
 
     def execute(self) -> str:
-        """Identify, write the result, and return a table for the terminal.
+        """Identify the arm, write the result folder, and return a table for the terminal.
 
         Raises
         ------
@@ -335,15 +339,15 @@ class IdentifierRun:
         return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
 
     def identified(self) -> tuple[IdentificationResult, float, float]:
-        """Identify without writing files.
+        """Identify the arm without writing files.
 
         Returns
         -------
         result : IdentificationResult
         start : float
-            Start of the first bag [s since 1970].
+            Time of the first sample of the first bag [s since 1970].
         seconds : float
-            Duration of reading and identification.
+            Duration of reading and identification [s].
 
         Raises
         ------
@@ -460,15 +464,15 @@ class IdentifierRun:
 
 
 def print_messages(texts: Iterable[str]) -> None:
-    """Print messages for the user, one line each."""
+    """Print each message on its own line of the standard error stream."""
     for text in texts:
         print(f'identifier: {text}', file=sys.stderr)
 
 
 def print_replaced(directory: ResultDirectory) -> None:
-    """Print a message if the result replaced an earlier one."""
+    """Print a message if the new result replaced an earlier result in the same folder."""
     if directory.replaced:
-        print_messages([f'{directory.target}: an earlier result was replaced'])
+        print_messages([f'{directory.target}: the new result replaced an earlier result'])
 
 
 def _progress(text: str) -> None:
@@ -480,7 +484,7 @@ _FILES = ('payload.yaml', MARKER)
 
 
 class PayloadRun(IdentifierRun):
-    """Run of the identifier for a payload, with a model of the arm."""
+    """Identify only a payload, with the arm's model from `--model`."""
 
     def execute(self) -> str:
         """Identify the payload, write it, and return the text to print.
@@ -495,11 +499,13 @@ class PayloadRun(IdentifierRun):
         options = self._options
         if options.bag or options.validation or not options.payload:
             raise IdentificationError(
-                '--model fixes the arm: pass the bags with the payload as --payload, and '
-                'remove --bag'
+                'with --model the identifier estimates only a payload: pass the bags with the '
+                'payload as --payload, and remove --bag and --validation'
             )
         if options.verify:
-            raise IdentificationError('--verify needs an identified arm: remove --model')
+            raise IdentificationError(
+                '--verify checks an arm identified from --bag: remove --verify or --model'
+            )
         default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
         with ResultDirectory(options.out or default, files=_FILES) as directory:
             robot = self._arm.robot

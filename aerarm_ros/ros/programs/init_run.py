@@ -1,4 +1,4 @@
-"""One run of `arm init`: from a URDF to an arm's configuration files."""
+"""`arm init`: write the first configuration files of an arm from its URDF."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from aerarm_ros.excitation.settings import load_excitation_config
 
 
 class InitRun:
-    """Read a URDF, and write the configurations of an arm and of its excitations.
+    """Read a URDF, and write an arm configuration and an excitation configuration.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class InitRun:
     Raises
     ------
     ValueError, OSError
-        If the URDF cannot be used, or a file exists already; no file is written then.
+        If the URDF cannot be used, or an output file already exists. Then no file is written.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -44,12 +44,12 @@ class InitRun:
         for file in (self._arm_file, self._excitation_file):
             if file.exists() and not options.overwrite:
                 raise ValueError(
-                    f'{file} already exists: pass another --name or --out, or --overwrite, which '
-                    'discards your changes in the file'
+                    f'{file} already exists: pass another --name or --out, or pass --overwrite to '
+                    'replace the file and your changes in it'
                 )
 
     def run(self) -> None:
-        """Write the files, read them as a check, and print the next steps."""
+        """Write the files, check them by reading them again, and print the next steps."""
         draft = self._draft
         self._arm_file.parent.mkdir(parents=True, exist_ok=True)
         text = arm_text(draft, self._urdf.name)
@@ -63,11 +63,12 @@ class InitRun:
             f'{", ".join(joints)}'
         )
         print(
-            f'{self._arm_file}: {len(draft.config.boards)} boards. {text.count(MARK)} values '
-            f'that are not in a URDF{"" if self._is_guessed else " or an estimate"} are marked '
-            'as guesses, with instructions to measure them'
+            f'{self._arm_file}: {len(draft.config.boards)} boards. {text.count(MARK)} values are '
+            f'guesses, because they are not in the URDF'
+            f'{"" if self._is_guessed else " or estimate"}; a comment marks each guess and states '
+            'how to measure the value'
         )
-        print(f'{self._excitation_file}: limits and obstacles of the excitation')
+        print(f'{self._excitation_file}: limits and obstacles for excitation motions')
         if draft.problem:
             config = draft.excitation
             written = (

@@ -1,4 +1,4 @@
-"""The estimator of payload and friction on bags, for `payload_estimator --bag`."""
+"""`payload_estimator` without ROS: `--bag` estimates a payload, `--trend` prints friction."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from aerarm_ros.ros.programs.identifier_run import (
 
 
 def main() -> int:
-    """Estimate a payload or print the friction trend, by the command line of this process."""
+    """Estimate a payload or print the friction trend, with the command line of this process."""
     name, given = 'payload_estimator', sys.argv[1:]
     is_trend = any(argument.split('=')[0] == '--trend' for argument in given)
     return (show_trend if is_trend else replay)(name, given)
@@ -51,13 +51,15 @@ def main() -> int:
 
 def show_trend(name: str, arguments: Sequence[str]) -> int:
     """Print the friction trend; return 0, or 2 if the user must check an input."""
-    parser = OneLineParser(prog=name, description='Print how friction has changed.')
+    parser = OneLineParser(
+        prog=name, description='Print how the joint friction has changed over days and weeks.'
+    )
     parser.add_argument(
         '--trend',
         type=Path,
         required=True,
         metavar='FILE',
-        help='friction_file of payload_estimator',
+        help='file that payload_estimator writes if its parameter friction_file is set',
     )
     options = parser.parse_args(arguments)
     try:
@@ -69,10 +71,10 @@ def show_trend(name: str, arguments: Sequence[str]) -> int:
 
 
 def trend_table(trend: FrictionTrend) -> str:
-    """Return one line per coefficient, and mark significant changes."""
+    """Return one line per friction coefficient, and mark significant changes with `*`."""
     records, changes = trend.records, trend.changes()
     if not changes:
-        return f'{len(records)} records: a trend needs at least two'
+        return f'the file has {len(records)} records, but a trend needs at least two'
     dates = (datetime.fromtimestamp(records[index].time, UTC) for index in (0, -1))
     first, last = (f'{date:%Y-%m-%d %H:%M}' for date in dates)
     width = max(len(change.name) for change in changes)
@@ -86,7 +88,8 @@ def trend_table(trend: FrictionTrend) -> str:
         lines.append(f'{mark} {change.name:{width}}  {change.old:9.4f} {change.new:9.4f}   {rate}')
     clear = sum(change.is_clear for change in changes)
     lines.append(
-        f'* {clear} of {len(changes)} values changed by more than three standard deviations'
+        f'* marks a change by more than three standard deviations ({clear} of {len(changes)} '
+        'coefficients)'
     )
     return '\n'.join(lines)
 
@@ -97,7 +100,7 @@ _FILES = ('payload.yaml', _GAINS, MARKER)
 
 
 def replay(name: str, arguments: Sequence[str]) -> int:
-    """Run the estimator on bags; return 0, 2 for an invalid input, or 130 after a stop."""
+    """Estimate a payload from bags; return 0, 2 for an invalid input, or 130 after a stop."""
 
     def run(options: argparse.Namespace, is_stopped: Callable[[], bool]) -> int:
         print(PayloadReplay(options, is_stopped).execute())
@@ -113,22 +116,25 @@ def run_replay(
     run: Callable[[argparse.Namespace, Callable[[], bool]], int],
     after_stop: str,
 ) -> int:
-    """Read bags with the program of a node; return its status, 2 for an invalid input, or 130.
+    """Run a program that reads bags, and return the exit status.
+
+    The status is that of `run`, 2 for an invalid input, or 130 after a stop.
 
     Parameters
     ----------
     run
-        Called with the options, and a function that returns whether a stop is requested.
+        The program. Its arguments are the options, and a function that returns whether the user
+        requested a stop.
     after_stop
-        Consequence of a stop, for the message.
+        Text of the message after a stop, for example 'no files were written'.
     """
     stops: list[bool] = []
     try:
         given = RosArguments(arguments)
         if given.parameters:
             raise UsageError(
-                f'{given.parameters[0].name} is a parameter of the node: use options with --bag, '
-                f'see {name} --bag DIR --help'
+                f'{given.parameters[0].name} is a parameter of the node and has no effect on bags: '
+                f'pass an option instead, see {name} --bag DIR --help'
             )
         options = parser.parse_args(given.plain)
         with StopSignals(lambda: stops.append(True)):
@@ -142,36 +148,36 @@ def run_replay(
 
 
 def replay_parser(name: str) -> OneLineParser:
-    """Return the parser of the command line."""
+    """Return the parser of the options of `payload_estimator --bag`."""
     parser = OneLineParser(
         prog=f'{name} --bag', description='Estimate the payload from bags instead of topics.'
     )
     parser.add_argument(
         '--bag', nargs='+', type=Path, required=True, metavar='DIR', action='extend',
         help=(
-            'bags in order; the first begins without payload. Also .mcap, .db3, .csv and .npz '
-            'files, and .bag of ROS 1'
+            'recordings in chronological order: rosbag2 folders, or .mcap, .db3, .csv, .npz and '
+            'ROS 1 .bag files. In the first recording the arm must start without payload'
         ),
     )  # fmt: skip
     parser.add_argument(
         '--model',
         type=Path,
         metavar='FILE',
-        help='estimate.yaml of the arm (default: the model in its URDF)',
+        help='identified model of the arm, estimate.yaml (default: the model in the URDF)',
     )
     parser.add_argument(
-        '--out', type=Path, metavar='DIR', help='folder for payload.yaml; needs --model'
+        '--out', type=Path, metavar='DIR', help='folder for the results; needs --model'
     )
     parser.add_argument(
         '--known-mass', type=float, metavar='KG',
-        help='calibrate the effort gains with a known mass that the arm carries in all bags; '
-                'needs --model',
+        help='mass that the arm carries in all bags; the program calibrates the effort gains '
+             'with this mass instead of estimating a payload; needs --model',
     )  # fmt: skip
     add_arm_options(parser)
     for parameter in ESTIMATOR_PARAMETERS:
         unit = f' [{parameter.unit}]' if parameter.unit else ''
         is_measured = parameter.name == _NOISE
-        default = 'measured in the first bag' if is_measured else '%(default)g'
+        default = 'measured from the first bag' if is_measured else '%(default)g'
         parser.add_argument(
             _option(parameter.name), type=float, metavar='X',
             default=None if is_measured else parameter.default,
@@ -183,7 +189,7 @@ def replay_parser(name: str) -> OneLineParser:
 def known_arm(
     recorded: RecordedArm, options: argparse.Namespace
 ) -> tuple[KnownArm, Estimate | None]:
-    """Return the arm of `--model` with its estimate, or the arm of the URDF."""
+    """Return the arm of `--model` and its estimate, or the arm of the URDF and None."""
     robot, config = recorded.robot, recorded.config
     if options.model is None:
         rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
@@ -196,14 +202,14 @@ def known_arm(
 
 
 class PayloadReplay:
-    """Run of the estimator on bags with its command-line options.
+    """Estimate a payload from bags with the options of the command line.
 
     Parameters
     ----------
     options : argparse.Namespace
         Options of `replay_parser`.
     is_stopped : callable
-        Called from time to time.
+        Returns whether the user requested a stop.
 
     Raises
     ------
@@ -223,19 +229,20 @@ class PayloadReplay:
                 raise IdentificationError(f'{_option(parameter.name)}{text}')
         if options.out and not options.model:
             raise IdentificationError(
-                '--out writes the arm with its payload, so it needs the identified arm: pass '
-                '--model'
+                'the files of --out contain the identified arm with its payload: pass the '
+                'identified arm with --model'
             )
         self._gain_deviation = gain_deviation(options)
         if options.known_mass is not None and not options.model:
             raise IdentificationError(
-                '--known-mass calibrates the effort gains of the identification: pass --model'
+                '--known-mass calibrates the effort gains of an identified arm: pass the '
+                'identified arm with --model'
             )
         self._recorded = RecordedArm(options, options.bag)
         self._arm, self._estimate = known_arm(self._recorded, options)
 
     def execute(self) -> str:
-        """Process the bags, write the output files, and return the results as text.
+        """Read the bags, write the output files, and return the results as text.
 
         Raises
         ------
@@ -250,8 +257,8 @@ class PayloadReplay:
             text, last = self._found()
             if not last.carries:
                 raise IdentificationError(
-                    'the last bag ends without payload, so payload.yaml would be empty: remove '
-                    '--out to print the estimate'
+                    'the arm carries no payload at the end of the last bag, so payload.yaml would '
+                    'be empty: remove --out to print the estimate only'
                 )
             assert self._estimate is not None
             directory.write('payload.yaml', payload_yaml(self._estimate, last.payload))
@@ -278,7 +285,7 @@ class PayloadReplay:
         return '\n'.join([*lines, *_payload_lines(last), *self._friction_lines(last)]), last
 
     def _estimator_for(self, first: Recording) -> PayloadEstimator:
-        """Return the estimator, with the torque noise of the first recording by default."""
+        """Return the estimator; by default the torque noise is measured in the first recording."""
         settings, noise = estimator_settings(self._options), None
         if self._measures_noise:
             noise = unexplained_torque(self._arm, first, settings.bandwidth, self._is_stopped)
@@ -286,7 +293,7 @@ class PayloadReplay:
         return self._arm.estimator(settings, noise)
 
     def _calibrate(self) -> str:
-        """Return the effort gains from the known mass, and write them if `--out` is given."""
+        """Calibrate the effort gains by the known mass; return text, and write files to `--out`."""
         assert self._estimate is not None
         recordings = [self._recorded.recording(path) for path in self._options.bag]
         found = calibrate_gains(
@@ -302,13 +309,13 @@ class PayloadReplay:
         old = np.array([float(before.get(name, 1.0)) for name in names])
         gains, std = old * found.factors, old * found.std
         rows = zip(names, old, gains, std, strict=True)
-        lines = ['Effort gains: configured -> calibrated by the known mass']
+        lines = ['Effort gains: passed by --effort-gain -> calibrated with the known mass']
         lines += [f'  {name}: {a:.4g} -> {b:.4g} ± {s:.2g}' for name, a, b, s in rows]
         values = ' '.join(f'{name}={gain:.5g}' for name, gain in zip(names, gains, strict=True))
         share = float(np.median(found.std / found.factors))
         options = f'--effort-gain {values} --effort-gain-std {share:.2g}'
         centre = ', '.join(f'{value:.4f}' for value in found.payload.centre)
-        lines.append(f'Centre of mass: ({centre}) m of {found.payload.link}')
+        lines.append(f'Centre of the known mass in the frame of {found.payload.link}: ({centre}) m')
         lines.append(f'Identify the arm again with: {options}')
         if self._options.out is None:
             return '\n'.join(lines)
@@ -323,8 +330,9 @@ class PayloadReplay:
         return '\n'.join([*lines, str(directory.target / _GAINS)])
 
     def _friction_lines(self, last: OnlineEstimate) -> list[str]:
-        """Return a table of the initial and the final friction."""
-        lines = ['Friction: model -> end of ' + ', '.join(self._arm.robot.joint_names)]
+        """Return a table of the friction in the model and at the end of the last bag."""
+        names = ', '.join(self._arm.robot.joint_names)
+        lines = [f'Friction in the model -> at the end of the last bag, of {names}']
         rows = zip(self._arm.friction, last.friction, last.friction_std, strict=True)
         for name, row in zip(FRICTION_NAMES, rows, strict=True):
             values = zip(*row, strict=True)
@@ -345,20 +353,22 @@ def _changes_text(changes: Sequence[LoadChange], knocks: Sequence[float]) -> str
     text = ', '.join(parts) or 'no payload was picked up or put down'
     if knocks:
         times = ', '.join(f'{time:.2f}' for time in knocks)
-        text += f'; torque that no payload explains (contact or model error) at {times} s'
+        text += f'; contact or model error (no payload explains the torque) at {times} s'
     return text
 
 
 def _payload_lines(last: OnlineEstimate) -> list[str]:
     payload = last.payload
     if not last.carries:
-        return [f'Payload: none; the detection limit is {2.0 * payload.std[0]:.2g} kg']
+        return [f'Payload: none above the detection limit of {2.0 * payload.std[0]:.2g} kg']
     centre = ', '.join(
         f'{value:.4f} ± {std:.2g}'
         for value, std in zip(payload.centre, payload.centre_std, strict=True)
     )
     inertial = ', '.join(f'{value:.6g}' for value in payload.inertial)
     return [
-        f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg at ({centre}) m of {payload.link}',
-        f'Inertial parameters: [{inertial}]; not excited: {" ".join(last.unexcited) or "none"}',
+        f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg at ({centre}) m in the frame of '
+        f'{payload.link}',
+        f'Inertial parameters: [{inertial}]; parameters that the motion does not excite: '
+        f'{" ".join(last.unexcited) or "none"}',
     ]

@@ -1,6 +1,5 @@
-"""Subscriptions to the arm's states: every state for a loop, or the newest for a display.
+"""Subscriptions to joint states, IMU, odometry and rotor commands, read as serialized messages.
 
-Serialized messages of joint_states, imu and rotor_command become positions, velocities and torques
-in the arm's joint order. The package also provides diagnostics of the stream, message headers and
-the modes in which the bridge holds the arm.
+A loop receives every joint state, a display only the newest one. Values are in the arm's joint
+order. The package also contains the diagnostics of nodes that answer joint states.
 """

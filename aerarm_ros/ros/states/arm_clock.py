@@ -1,4 +1,4 @@
-"""The arm's time, for nodes that act between states."""
+"""Clock with the time of the joint states' stamps, for nodes that act between joint states."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from aerarm_msgs_py.codecs.joint_state_cdr import decode_joint_state
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.realtime.periodic_loop import SteadyClock
 
-# [s] without a state, after which the system time is used.
+# [s] without a joint state after which the clock returns the system time.
 _SILENCE = 1.0
 
 
 class ArmClock:
-    """Clock that continues the stamps of `joint_states`; only one thread may use it at a time.
+    """Clock that continues the stamps of `joint_states`; use an instance in one thread at a time.
 
-    If the system clock is set while the motors are on, the stamps do not follow. The difference
-    between stamps and system time is then wrong by that step. Without states this clock is the
-    system time.
+    Without joint states this clock returns the system time. If the system clock is set while the
+    motors are on, the stamps do not follow, and differ from the system time by this step.
 
     Parameters
     ----------
     node
-        Owner of the subscription; its executor does not serve the subscription.
+        Owner of the subscription, which no executor needs to serve.
     """
 
     def __init__(self, node: Node) -> None:
@@ -44,7 +43,7 @@ class ArmClock:
         self._reader.destroy()
 
     def _newest_ns(self) -> int:
-        """Return the stamp of the newest state plus its age [ns]."""
+        """Return the stamp of the newest joint state plus the time since its arrival [ns]."""
         now_ns = time.monotonic_ns()
         message = self._reader.take_newest()
         if message is not None:
@@ -54,13 +53,16 @@ class ArmClock:
                 self._ahead_ns = decode_joint_state(payload)[1].stamp_ns - arrival_ns
                 self._arrival = 1e-9 * arrival_ns
             except ValueError:
-                pass  # The code that uses the values reports the error.
+                pass  # Nodes that use the joint state report the error.
         if 1e-9 * now_ns - self._arrival > _SILENCE:
             return time.time_ns()
         return now_ns + self._ahead_ns
 
 
 def monotonic_ns(system_ns: int) -> int:
-    """Convert a past system time to the monotonic clock [ns]; now, if the system clock was set."""
+    """Convert a time of the last second from the system clock to the monotonic clock [ns].
+
+    If the system clock was set since then, return the present time.
+    """
     age_ns = time.time_ns() - system_ns
     return time.monotonic_ns() - (age_ns if 0 <= age_ns < 1e9 * _SILENCE else 0)

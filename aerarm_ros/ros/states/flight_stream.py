@@ -1,4 +1,4 @@
-"""Odometry and IMU subscriptions for a loop that reads serialized messages."""
+"""Subscriptions to rotor commands, odometry and IMU, for a loop that reads serialized messages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from aerarm_ros.ros.states.state_stream import Answers, decoded_odometry, to_imu
 
 
 class RotorCommands:
-    """Read rotor_command by rotor name.
+    """Subscribe to `rotor_command`, and return the thrusts in the order of the drone's rotors.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class RotorCommands:
         self.reader = RawReader(node, topics.ROTOR_COMMAND)
 
     def newest(self) -> tuple[int, Array] | None:
-        """Return stamp [ns] and thrusts (n,) [N] of a new command, or None."""
+        """Return stamp [ns] and thrusts (n,) [N] of the newest unread command, or None."""
         message = self.reader.take_newest()
         if message is None:
             return None
@@ -61,17 +61,17 @@ class RotorCommands:
             names, sample = decode_joint_state(payload)
         if sorted(names) != sorted(self._names):
             raise ValueError(
-                f'the message has rotors {", ".join(names) or "without names"}, but this drone '
-                f'has {", ".join(self._names)}: start the flight controller with the same '
-                'drone_file'
+                f'the message contains the rotors {", ".join(names) or "without names"}, but the '
+                f'drone of drone_file has {", ".join(self._names)}: use the same drone_file for '
+                'this node and the flight controller'
             )
         if sample.effort is None:
             raise ValueError(
-                'the message has no effort: send the thrust of each rotor [N] as effort'
+                'the field effort is empty: send the thrust of each rotor [N] in this field'
             )
         thrust = sample.effort[[list(names).index(name) for name in self._names]]
         if not np.all(np.isfinite(thrust)):
-            raise ValueError('a thrust is NaN or infinite: check the flight controller')
+            raise ValueError('a rotor thrust is NaN or infinite: check the flight controller')
         return sample.stamp_ns, thrust
 
 
@@ -79,7 +79,7 @@ _ODOMETRY, _IMU = 0, 1
 
 
 class FlightStream:
-    """Wait for messages of a drone's sensors.
+    """Wait for odometry and IMU messages of a drone.
 
     Parameters
     ----------
@@ -93,18 +93,18 @@ class FlightStream:
         self._reader = RawReader(node, topics.ODOMETRY, topics.IMU)
         self._reject = reject
         self.answers = Answers()
-        """Answers to the odometry, republished if it is re-sent."""
+        """Messages published in answer to odometry; they are re-sent if the odometry is re-sent."""
         self.frame = ''
-        """Frame of the odometry's poses, '' before the first."""
+        """Frame of the poses in the odometry, '' before the first message."""
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s] for a message; a stop signal returns False early."""
+        """Wait at most `timeout` [s] for a message; a stop signal ends the wait with False."""
         return self._reader.wait(timeout)
 
     def newest_odometry(self) -> tuple[int, OdometrySample | None] | None:
-        """Return stamp [ns] and content of the newest odometry, or None without a message.
+        """Return stamp [ns] and sample of the newest unread odometry, or None without a message.
 
-        The content is None if it is invalid, which is reported.
+        If the content is invalid, the sample is None, and the rejection is reported.
         """
         raw = self._reader.take_newest(_ODOMETRY)
         if raw is None:
@@ -117,7 +117,7 @@ class FlightStream:
         return checked_odometry(message, self._reject)
 
     def imu_samples(self) -> list[ImuSample]:
-        """Return the waiting IMU samples; faulty ones are rejected."""
+        """Return all unread IMU samples; faulty samples are rejected."""
         samples = []
         while (raw := self._reader.take(_IMU)) is not None:
             try:

@@ -1,4 +1,4 @@
-"""Publish the diagnostics of a node that answers joint states, once per second."""
+"""Diagnostics of a node that answers joint states, published once per second."""
 
 from __future__ import annotations
 
@@ -15,35 +15,36 @@ from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.graph import DuplicatePublisherCheck
 from aerarm_ros.ros.states.state_stream import StateStream
 
-# [s] for which a rejection is shown as a warning.
-_REMEMBERED = 5.0
-# [s] Longer than any latency within a host, so a larger value is a clock offset.
+# [s] for which a rejected input remains a warning.
+_REJECTION_TIME = 5.0
+# [s] A larger latency is a clock offset between two hosts.
 _LATENCY_MAX = 1.0
 _SILENCE = 'no joint states received: check that the bridge runs'
 
 
 class StateDiagnostics:
-    """Publish one diagnostic status; the loop's thread only updates numbers.
+    """Publish the status of one node on /diagnostics; the real-time loop only updates numbers.
 
     Parameters
     ----------
     node
         Owner of publisher and timer.
     warning
-        Returns the node's own warning, or an empty text.
+        Returns a further warning of the node, or an empty text.
     values
-        Returns the node's own values, by name.
+        Returns further values of the node, by name.
     arm
         Name of the arm.
     notice
-        Log notice about missing states; None for a node that logs it itself.
+        Log notice about missing joint states, None if the node itself logs the notice.
     every_state
-        Whether the node should answer each state; if not, unanswered states are not counted.
+        Whether the node should answer each joint state. If not, unanswered joint states are not
+        counted.
 
     Attributes
     ----------
     latency
-        Time from a state's publication to the computed answer, before a command is sent.
+        Time from the publication of a joint state until its answer has been computed.
     rejections, last_rejection
         Number of rejected inputs, and reason of the last rejection.
     """
@@ -73,7 +74,7 @@ class StateDiagnostics:
         create_steady_timer(node, PERIOD, self.publish)
 
     def watch(self, stream: StateStream) -> None:
-        """Report on a stream of states from now on."""
+        """Set the stream of joint states whose numbers the status contains."""
         self._stream = stream
 
     def add_rejection(self, reason: str) -> None:
@@ -83,19 +84,21 @@ class StateDiagnostics:
         self._rejected_at = time.monotonic()
 
     def account(self) -> str:
-        """Return one summary line for the end of the log."""
+        """Return a summary of answered joint states, rejections and latency, for the log."""
         latency, skipped = self.latency.summary(), self._skipped()
         rejected = f'{self.rejections} inputs rejected'
         if not latency.count:
             received = self._stream.received if self._stream else 0
             came = (
-                f'{received} states received, none answered' if received else ('no states received')
+                f'{received} joint states received, none answered'
+                if received
+                else 'no joint states received'
             )
             return f'{came}, {rejected}'
         unanswered = '' if skipped is None else f'{skipped} not answered, '
         return (
-            f'{latency.count} states answered, {unanswered}{rejected}; '
-            f'answer p50 {latency.p50 * 1e6:.0f} us, p99 {latency.p99 * 1e6:.0f} us after the state'
+            f'{latency.count} joint states answered, {unanswered}{rejected}; latency of the answer '
+            f'p50 {latency.p50 * 1e6:.0f} us, p99 {latency.p99 * 1e6:.0f} us'
         )
 
     def publish(self) -> None:
@@ -103,7 +106,7 @@ class StateDiagnostics:
         self._output.report(self._problem(), self._all_values())
 
     def _now_ns(self) -> int | None:
-        """Return the time of the states [ns], None before the first."""
+        """Return the stamp of the newest joint state [ns], None before the first."""
         return self._stream.stamp_ns if self._stream else None
 
     def _problem(self) -> str:
@@ -113,24 +116,24 @@ class StateDiagnostics:
         received = self._stream.received if self._stream else 0
         is_silent, self._received = received == self._received, received
         if is_silent:
-            self._say_waiting()
+            self._log_waiting()
             return _SILENCE
-        if time.monotonic() - self._rejected_at < _REMEMBERED:
+        if time.monotonic() - self._rejected_at < _REJECTION_TIME:
             return rejection(self.last_rejection)
         return self._sources.problem() or self._clocks() or self._warning()
 
     def _clocks(self) -> str:
-        """Return a warning if a latency reveals a clock offset between hosts, or an empty text."""
+        """Return a warning if the latency shows that two hosts' clocks differ, or an empty text."""
         latency = self.latency.summary()
         if not latency.count or (latency.p50 >= 0.0 and latency.p50 < _LATENCY_MAX):
             return ''
         return (
-            "the clock of the states' publisher differs from this host's (median latency "
-            f'{latency.p50:.3f} s), so latencies are invalid; run this node on the host of the '
-            'bridge'
+            'the clock of this host differs from the clock of the host that publishes joint_states '
+            f'(median latency {latency.p50:.3f} s), so latencies are invalid: run this node on the '
+            'host of the bridge'
         )
 
-    def _say_waiting(self) -> None:
+    def _log_waiting(self) -> None:
         text = self._notice.update([_SILENCE], time.monotonic()) if self._notice else ''
         if text:
             self._node.get_logger().info(text)
@@ -149,5 +152,5 @@ class StateDiagnostics:
         }
 
     def _skipped(self) -> int | None:
-        # Usually a newer state replaced the lost one before the loop read it.
+        # Usually a newer joint state replaced the lost one before the loop could read it.
         return self._stream.lost if self._stream and self._every_state else None

@@ -1,4 +1,4 @@
-"""Serialized joint states, IMU samples and rotor commands for a loop that reads them."""
+"""Read joint states, IMU samples, odometry and rotor commands from serialized messages."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ from aerarm_ros.motion.signals import ArmState
 
 
 class Answers:
-    """Publish answers to states, and republish them when a state is re-sent.
+    """Publish answers to joint states, and publish them again if a joint state is re-sent.
 
-    Best-effort messages can be lost. So an emulated arm that waits for an answer re-sends its last
-    state byte for byte. A state that was answered gets the same answer again. All other code
-    receives each state once.
+    Best-effort messages can be lost. An emulated arm that waits for an answer therefore re-sends
+    its last joint state byte for byte. If the node has already answered this joint state, it
+    publishes the same answer again, and processes nothing.
 
     Parameters
     ----------
     needed
-        Whether the node must process a re-sent state that it did not answer.
+        Whether the node must process a re-sent joint state that it has not answered.
 
     Attributes
     ----------
     state
-        The newest state, serialized; b'' before the first.
+        The newest joint state, serialized; b'' before the first.
     count
-        Number of re-sent states.
+        Number of re-sent joint states.
     """
 
     def __init__(self, *, needed: bool = True) -> None:
@@ -61,7 +61,7 @@ class Answers:
         self._kept: dict[Publisher, Any] = {}
 
     def begin(self, state: bytes) -> bool:
-        """Store a serialized state; return whether it is a re-sent copy of the last one."""
+        """Store a serialized joint state; return whether it is a copy of the previous one."""
         self._is_resent = state == self.state
         if self._is_resent:
             self.count += 1
@@ -70,15 +70,15 @@ class Answers:
         return self._is_resent
 
     def publish(self, publisher: Publisher, message: Any) -> None:
-        """Publish a message, serialized or not, in answer to the newest state."""
+        """Publish a message, serialized or not, in answer to the newest joint state."""
         publisher.publish(message)
         self._kept[publisher] = message
         self._is_answered = True
 
     def again(self) -> bool:
-        """Republish the last answers if the newest state is re-sent and was answered.
+        """Republish the last answers if the newest joint state is re-sent and already answered.
 
-        Return whether the answers were republished; in that case the state needs no processing.
+        Return whether the answers were republished. Then the joint state needs no processing.
         """
         if not (self._is_resent and self._is_answered):
             return False
@@ -87,29 +87,29 @@ class Answers:
         return True
 
     def withdraw(self) -> None:
-        """Discard the answers, which are no longer valid."""
+        """Discard the stored answers, because they are no longer valid."""
         self._kept.clear()
         self._is_answered = not self._needed
 
     @property
     def is_resent(self) -> bool:
-        """Whether the newest state is a re-sent copy."""
+        """Whether the newest joint state is a copy of the previous one."""
         return self._is_resent
 
     @property
     def are_kept(self) -> bool:
-        """Whether an answer was published since the last withdrawal."""
+        """Whether an answer was published since the last call of `withdraw`."""
         return bool(self._kept)
 
 
 def base_header(stamp_ns: int, base_link: str) -> Header:
-    """Return a header with the stamp of a state [ns since the epoch], see `Robot.base_link`."""
+    """Return a message header with a stamp [ns since the epoch] and the frame `base_link`."""
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=base_link)
 
 
 class RotorThrusts(NamedTuple):
-    """Commanded thrusts of a drone's rotors.
+    """Rotor command of a drone's flight controller.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class RotorThrusts(NamedTuple):
     stamp
         Stamp of the command [s].
     lead_ns
-        Time from the arrival of the command to the arrival of the newest state [ns].
+        Time from the arrival of the command to the arrival of the newest joint state [ns].
     """
 
     names: tuple[str, ...]
@@ -133,14 +133,14 @@ _COUNT_PERIOD = 1.0  # [s]
 
 
 class StateSampler:
-    """Read the newest message of a topic; older ones are skipped without decoding.
+    """Read the newest message of a JointState topic, and skip older messages without decoding.
 
     Parameters
     ----------
     node
         Owner of the subscription.
     names
-        Names of the n required joints, in the order of the returned numbers.
+        Names of the n required joints, in the order of the returned values.
     topic
         JointState topic; `joint_states` by default.
 
@@ -168,9 +168,10 @@ class StateSampler:
         self._frequency = 0.0
 
     def newest(self) -> NDArray[np.float64] | None:
-        """Return position, velocity, effort (3, n) [rad, rad/s, Nm]; None without a message.
+        """Return position, velocity and effort (3, n) [rad, rad/s, Nm] of the newest message.
 
-        Missing values are NaN; a state without positions is ignored.
+        Missing values are NaN. Return None without a new message, or if `joint_states` lacks a
+        position.
         """
         message = self._reader.take_newest()
         if message is None:
@@ -189,7 +190,7 @@ class StateSampler:
         return state if self._may_be_partial or not self.unknown else None
 
     def frequency(self, now: float) -> float:
-        """Return the publisher's rate [Hz] over the last second, from its message numbers.
+        """Return the rate of the publisher over the last second [Hz], lost messages included.
 
         Parameters
         ----------
@@ -212,14 +213,14 @@ _STATES = 0  # index among the topics
 
 
 class StateStream:
-    """Wait for joint states and, if requested, for IMU samples and rotor commands.
+    """Wait for joint states and, if requested, for IMU samples, odometry and rotor commands.
 
     Attributes
     ----------
     stamp_ns
-        Stamp of the newest state [ns], None before the first.
+        Stamp of the newest joint state [ns], None before the first.
     answers
-        Messages that are published in answer to the states.
+        Messages that are published in answer to joint states.
 
     Parameters
     ----------
@@ -230,16 +231,16 @@ class StateStream:
     reject
         Called with the reason why a message is rejected.
     rotors
-        Names of the rotors; without names no rotor commands are read.
+        Names of the rotors. Without names the object does not subscribe to rotor commands.
     depth
-        Queue length of states and IMU samples. Above 1, every state is returned, the oldest first,
-        and each IMU sample with the first state after it.
+        Queue length of joint states and IMU samples. Above 1, the object returns every joint state,
+        the oldest first, and each IMU sample with the first joint state after it.
     imu
         Whether to subscribe to the IMU. A sample ends a wait and must then be read.
     odometry
         Whether to subscribe to the odometry; a message ends a wait and must then be read.
     answered
-        Whether each state needs an answer, see `Answers`.
+        Whether the node must answer each joint state, see `Answers`.
     """
 
     def __init__(
@@ -275,27 +276,27 @@ class StateStream:
 
     @property
     def received(self) -> int:
-        """Number of states received."""
+        """Number of received joint states."""
         return self._reader.count(_STATES)
 
     @property
     def lost(self) -> int | None:
-        """States missed since `begin_count`; None if the middleware does not number messages."""
+        """Number of joint states lost since `begin_count`, None if the middleware cannot count."""
         lost = self._reader.lost(_STATES)
         return None if lost is None else lost - self._lost_before
 
     def begin_count(self) -> None:
-        """Restart the count of missed states at the last state."""
+        """Restart the count of lost joint states at zero."""
         self._lost_before = self._reader.lost(_STATES) or 0
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s] for a message; a stop signal returns False early."""
+        """Wait at most `timeout` [s] for a message; a stop signal ends the wait with False."""
         return self._reader.wait(timeout)
 
     def newest_state(self) -> tuple[int, ArmState] | None:
-        """Return stamp [ns] and state of the newest message, or None without a message.
+        """Return stamp [ns] and content of the newest joint state, or None without a message.
 
-        With a queue (`depth` above 1), return the oldest waiting state.
+        With a queue (`depth` above 1), return the oldest unread joint state.
         """
         take = self._reader.take if self._gives_all else self._reader.take_newest
         message = take(_STATES)
@@ -310,22 +311,26 @@ class StateStream:
             return None
         q, dq, tau = sample.position, sample.velocity, sample.effort
         if q is None or dq is None:
-            self._reject('joint_states has no position or no velocity: check its publisher')
+            self._reject(
+                'joint_states rejected, because position or velocity is missing: check the '
+                'publisher'
+            )
             return None
         self.stamp_ns = sample.stamp_ns
         return sample.stamp_ns, ArmState(q, dq, self._no_effort if tau is None else tau)
 
     def latency_ns(self) -> int:
-        """Return the time since the newest state was published, in this host's time [ns].
+        """Return the time since the newest joint state was published, by this host's clock [ns].
 
-        The stamps of an emulated arm do not show this latency, because they are in simulation time.
+        The stamps do not give this latency, because an emulated arm stamps in simulation time.
         """
         return time.time_ns() - self._published_ns
 
     def imu_samples(self) -> list[tuple[ImuSample, int]]:
-        """Return the waiting IMU samples, each with the time to the newest state's arrival [ns].
+        """Return each unread IMU sample, with the time until the newest joint state arrived [ns].
 
-        The time is negative for a sample after the state. Faulty samples are rejected.
+        The time is negative if the sample arrived after the joint state. Faulty samples are
+        rejected.
         """
         samples: list[tuple[ImuSample, int]] = []
         if self._imu_place is None:
@@ -349,14 +354,14 @@ class StateStream:
         return samples
 
     def odometry(self) -> Odometry | None:
-        """Return the newest waiting odometry, or None."""
+        """Return the newest unread odometry message, or None."""
         if self._odometry_place is None:
             return None
         raw = self._reader.take_newest(self._odometry_place)
         return None if raw is None else decoded_odometry(raw[0], self._reject)
 
     def rotor_command(self) -> RotorThrusts | None:
-        """Return the newest waiting rotor command, or None."""
+        """Return the newest unread rotor command, or None."""
         if self._rotors is None:
             return None
         message = self._reader.take_newest(self._rotors_place)
@@ -371,7 +376,10 @@ class StateStream:
             self._reject(f'rotor_command: {error}')
             return None
         if sample.effort is None:
-            self._reject('rotor_command has no effort: send the thrust of each rotor [N] as effort')
+            self._reject(
+                'rotor_command rejected, because the field effort is empty: send the thrust of '
+                'each rotor [N] in this field'
+            )
             return None
         lead_ns = self._received_ns - info['received_timestamp']
         return RotorThrusts(names, sample.effort, sample.stamp_ns * 1e-9, lead_ns)
@@ -381,20 +389,20 @@ class StateStream:
         self._reader.destroy()
 
     def _decode(self, payload: bytes) -> JointSample | None:
-        """Decode a state with another layout, joints by name."""
+        """Decode a joint state whose joints have another order than expected."""
         try:
             names, sample = decode_joint_state(payload)
             return in_order(names, sample, self._names)
         except ValueError as error:
             self._reject(
-                f'joint_states rejected, {error}; use the same config, urdf and tf_prefix for '
+                f'joint_states rejected ({error}): use the same config, urdf and tf_prefix for '
                 'this node and the bridge'
             )
             return None
 
 
 def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry | None:
-    """Decode a serialized odometry message; report an invalid message and return None."""
+    """Decode a serialized odometry message; for an invalid message report it and return None."""
     try:
         return deserialize_message(payload, Odometry)
     except RuntimeError as error:  # RMWError: not a valid message
@@ -409,7 +417,7 @@ def to_imu_sample(message: Imu) -> ImuSample:
     absent = (message.angular_velocity_covariance, message.linear_acceleration_covariance)
     if any(covariance[0] < 0.0 for covariance in absent):
         raise RejectedInputError(
-            'imu: angular velocity or acceleration is missing; check its publisher'
+            'imu rejected, because angular velocity or acceleration is missing: check the publisher'
         )
     has_attitude = message.orientation_covariance[0] >= 0.0
     stamp = message.header.stamp

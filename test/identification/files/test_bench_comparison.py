@@ -66,5 +66,5 @@ def test_results_that_cannot_be_compared_raise_an_error(
     with pytest.raises(IdentificationError, match=r'is not a motor_bench\.yaml'):
         compare_benches(old, other)
     options = Namespace(compare=[old, tmp_path / 'x'], out=None, bag=[], model=None, payload=[])
-    with pytest.raises(IdentificationError, match='pass two results of the same kind'):
+    with pytest.raises(IdentificationError, match='pass two results of the same program'):
         CompareRun(options).execute()

@@ -95,8 +95,8 @@ def test_set_points(bench: ControllerBench) -> None:
         for reason, message in (
             ('joint2 at 9 rad is outside', JointState(name=NAMES, position=[0.0, 9.0, 0.0, 0.0])),
             ('shoulder', JointState(name=['shoulder', *NAMES[1:]], position=HERE)),
-            ('it must have 4 positions', JointState(name=NAMES, position=HERE[:3])),
-            ('must be finite', JointState(name=NAMES, position=[float('nan'), *HERE[1:]])),
+            ('it has 3 positions: set 4', JointState(name=NAMES, position=HERE[:3])),
+            ('set finite numbers', JointState(name=NAMES, position=[float('nan'), *HERE[1:]])),
         ):
             refuse(bench, process, lambda m=message: set_points.publish(m), reason)
 
@@ -113,7 +113,7 @@ def test_tool_targets(bench: ControllerBench, name: str) -> None:
         for reason, message in (
             ('the reach of the arm', unreachable),
             ('three finite numbers', not_a_number),
-            ("send it in 'base_link'", elsewhere),
+            ("in the frame 'base_link'", elsewhere),
         ):
             refuse(bench, process, lambda m=message: targets.publish(m), reason)
 
@@ -126,8 +126,8 @@ def test_a_set_point_for_an_arm_that_is_stopped(bench: ControllerBench) -> None:
         set_points = bench.publisher(topics.SET_POINT)
         message = JointState(name=NAMES, position=HERE)
         reason = (
-            "set_point rejected, because the arm is 'fault': first run 'arm enable', or "
-            'clear its fault'
+            "set_point rejected, because the arm is in mode 'fault': first run 'arm enable', or "
+            'clear the fault'
         )
         bench.wait(
             lambda: reason in process.log.read_text(),

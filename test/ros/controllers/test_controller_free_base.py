@@ -124,7 +124,7 @@ def test_rotor_commands_are_used_and_those_of_other_drones_rejected(make) -> Non
     for sent, thrust, reason in (
         (names[:4], thrusts[:4], 'describes this drone'),
         (names, [float('nan'), *thrusts[1:]], 'NaN'),
-        (names, [], 'no effort'),
+        (names, [], 'effort is empty'),
     ):
         hear(node, tell(sent, thrust), lambda r=reason: r in node.diagnostics.last_rejection)
 

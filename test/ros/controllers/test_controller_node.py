@@ -177,7 +177,9 @@ def test_base_reaction_counts_no_states_that_it_need_not_answer(bench: Controlle
     with bench.controller('base_reaction') as process:
         bench.wait(lambda: topics.BASE_WRENCH.name in bench.heard, 'the wrench')
         process.stop()
-    assert re.search(r'reaction: \d+ states answered, 0 inputs rejected; answer', process.tail())
+    assert re.search(
+        r'reaction: \d+ joint states answered, 0 inputs rejected; latency', process.tail()
+    )
 
 
 @pytest.mark.parametrize('name', ['gravity_compensation', 'base_reaction'])
@@ -190,7 +192,7 @@ def test_without_a_bridge_the_log_states_the_awaited_conditions(
             assert time.monotonic() < end
             time.sleep(0.05)
         process.stop()
-    assert process.tail().splitlines()[-1] == f'{name}: no states received, 0 inputs rejected'
+    assert process.tail().splitlines()[-1] == f'{name}: no joint states received, 0 inputs rejected'
 
 
 def test_an_arm_that_is_off_gets_no_commands(bench: ControllerBench) -> None:

@@ -48,7 +48,9 @@ def test_a_week_of_use_is_seen(tmp_path: Path, capsys: pytest.CaptureFixture[str
     lines = capsys.readouterr().out.splitlines()
     (marked,) = (line for line in lines if line.startswith('* Coulomb'))
     assert marked.split()[5:7] == ['0.2000', '0.2600']
-    assert lines[-1] == '* 1 of 6 values changed by more than three standard deviations'
+    assert (
+        lines[-1] == '* marks a change by more than three standard deviations (1 of 6 coefficients)'
+    )
 
 
 def test_a_silence_is_no_learning(tmp_path: Path) -> None:
@@ -76,7 +78,7 @@ def test_a_deleted_folder_is_reported_and_recovered(tmp_path: Path) -> None:
 
 
 def test_an_unusable_friction_file_is_rejected_at_the_start(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match='cannot be written to'):
+    with pytest.raises(OSError, match='friction_file cannot be written'):
         FrictionLog(tmp_path / 'none' / 'friction.csv', NAMES, 1.0)
     (tmp_path / 'notes.txt').write_text('mine\n')
     with pytest.raises(ValueError, match='is not a friction history'):

@@ -38,7 +38,7 @@ def test_joints_that_are_not_named_stay() -> None:
 
 @pytest.mark.parametrize('names', [['joint1', 'elbow'], ['joint1', 'joint1'], []])
 def test_other_joint_names_are_rejected_as_well(names: list[str]) -> None:
-    reason = re.escape(f'joint names {names} do not match the arm: name some of')
+    reason = re.escape(f'joint names {names} do not match the arm: name joints of')
     with pytest.raises(RejectedInputError, match=reason):
         read_trajectory(LIMITS, message(names, [[0.1] * len(names)]), 0.0, HERE)
 

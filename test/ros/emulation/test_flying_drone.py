@@ -174,10 +174,10 @@ def test_commands_that_are_not_its_own_leave_it_where_it_is_held(bench: DroneBen
     for command, reason in (
         (
             JointState(name=['a', 'b', 'c', 'd'], effort=[HOVER] * 4),
-            ('the message has rotors a, b, c, d'),
+            ('the message contains the rotors a, b, c, d'),
         ),
-        (JointState(name=names, effort=[np.nan, *[HOVER] * 5]), 'a thrust is NaN'),
-        (JointState(name=names, position=[1.0] * 6), 'has no effort'),
+        (JointState(name=names, effort=[np.nan, *[HOVER] * 5]), 'a rotor thrust is NaN'),
+        (JointState(name=names, position=[1.0] * 6), 'effort is empty'),
         (JointState(name=names, effort=[HOVER]), '6 names, but 0 positions'),
     ):
         for _ in range(3):

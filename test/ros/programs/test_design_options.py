@@ -32,8 +32,8 @@ def test_whole_periods() -> None:
     [
         (25.0, 0.1, 'pass 20 s or 30 s'),
         (4.0, 0.1, 'pass 10 s$'),
-        (float('nan'), 0.1, 'duration must be positive'),
-        (20.0, 0.0, 'fundamental must be positive'),
+        (float('nan'), 0.1, '--duration nan is invalid'),
+        (20.0, 0.0, '--fundamental 0 is invalid'),
     ],
 )
 def test_parts_of_periods_are_refused(duration: float, fundamental: float, message: str) -> None:
@@ -72,5 +72,5 @@ def test_torque_noise() -> None:
     np.testing.assert_array_equal(torque_noise(options(torque_noise=[0.2]), 4), np.full(4, 0.2))
     with pytest.raises(ExcitationError, match='1 value or 4'):
         torque_noise(options(torque_noise=[0.2, 0.1]), 4)
-    with pytest.raises(ExcitationError, match='must be positive'):
+    with pytest.raises(ExcitationError, match='pass positive values'):
         torque_noise(options(torque_noise=[0.2, 0.1, float('nan'), 0.1]), 4)

@@ -116,7 +116,7 @@ def test_a_killed_recorder_leaves_less_in_the_metadata(bag: Path, count: int) ->
     set_count(bag, count)
     reader = bags()
     assert len(reader.read(bag, 'bag').recording.time) == COUNT
-    assert f'but metadata.yaml lists {count}: the recorder was killed' in reader.messages[0]
+    assert f'but metadata.yaml lists {count}, because the recorder was killed' in reader.messages[0]
 
 
 def test_without_metadata_a_finished_file_speaks_for_itself(bag: Path) -> None:

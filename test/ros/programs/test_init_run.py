@@ -30,7 +30,7 @@ def test_both_files_are_written_and_the_next_commands_printed(tmp_path: Path, ca
     assert load_arm_config(folder / 'mine.yaml').name == 'mine'
     assert load_excitation_config(folder / 'mine_excitation.yaml').bias is not None
     printed = capsys.readouterr().out
-    assert f'{text.count("# guess")} values that are not in a URDF' in printed
+    assert f'{text.count("# guess")} values are guesses' in printed
     assert f'-p config:={folder}/mine.yaml -p urdf:={URDF}' in printed
 
 
@@ -148,7 +148,7 @@ def test_an_estimate_replaces_guesses(tmp_path: Path, capsys: Any) -> None:
     }
     estimate.write_text(yaml.safe_dump({'/**': {'ros__parameters': found}}))
     assert main(['init', URDF, '--out', str(tmp_path), '--estimate', str(estimate)]) == 0
-    assert 'not in a URDF or an estimate' in capsys.readouterr().out
+    assert 'not in the URDF or estimate' in capsys.readouterr().out
     file = tmp_path / 'three_joints.yaml'
     config = load_arm_config(file)
     assert config.column('viscous') == pytest.approx([0.03, 0.04, 0.02])

@@ -18,11 +18,11 @@ def empty(folder: Path) -> Path:
     [
         (['{bag}'], 'empty.mcap'),
         (['none'], 'none'),
-        (['{bag}', '--out', 'there'], 'pass --model'),
+        (['{bag}', '--out', 'there'], 'with --model'),
         (['{bag}', '--model', 'none.yaml'], 'none.yaml'),
         (['{bag}', '--memory', '0'], '--memory must be a finite number in s, from 1.0 to 3600.0'),
         (['{bag}', '--memory', 'nan'], '--memory must be'),
-        (['{bag}', '--rate', '100'], '--rate is for tables'),
+        (['{bag}', '--rate', '100'], '--rate applies to tables'),
         (['{bag}', '--rename', 'joint1'], 'write LEFT=RIGHT'),
         (['{bag}', '--ros-args', '-p', 'memory:=3.0'], 'memory is a parameter of the node'),
     ],
