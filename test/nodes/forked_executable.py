@@ -39,6 +39,7 @@ _LATE = (
 )
 _servers: list[subprocess.Popen[str]] = []
 _asking = threading.Lock()
+_ENVIRONMENT = dict(os.environ)
 
 
 def run(
@@ -106,9 +107,11 @@ class ForkedProcess:
 
 
 def _popen(
-    command: Sequence[str], *, env: Mapping[str, str], stdout: IO[bytes] | None, **_: Any
-) -> ForkedProcess:
+    command: Sequence[str], *, env: Mapping[str, str], stdout: IO[bytes] | None, **other: Any
+) -> ForkedProcess | subprocess.Popen[bytes]:
     """Start the node of a `NodeProcess`."""
+    if _early(env) != _early(_ENVIRONMENT):
+        return subprocess.Popen(command, env=env, stdout=stdout, **other)
     log = Path(stdout.name) if stdout else None
     environment = {**env, LAUNCH_PID: str(_server().pid)}
     return ForkedProcess(_EXECUTABLES, command[3:], environment, [log, log])
@@ -116,6 +119,11 @@ def _popen(
 
 # In place of the module `subprocess` in `node_process`.
 FORKING = SimpleNamespace(**{**vars(subprocess), 'Popen': _popen})
+
+
+def _early(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables that act before a program imports anything."""
+    return {k: v for k, v in environment.items() if k.startswith(('LD_', 'PYTHON'))}
 
 
 def _ask(**request: object) -> Any:

@@ -14,7 +14,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.description.robot import load_robot
 
 STRIBECK, VELOCITY = 1.0, 0.2  # of the dry friction, and [rad/s]
-HERE, GOAL = [0.0, 0.5 * np.pi, 0.0, 0.0], [0.3, 1.3, 0.3, -0.3]
+HERE, GOAL = [0.0, 0.5 * np.pi, 0.0, 0.0], [0.15, 1.435, 0.15, -0.15]
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_the_disturbance_of_a_slow_motion_contains_no_stribeck_friction(
 
     def move(goal: list[float], **given: object) -> None:
         with bench.controller('computed_torque', compensation=0.0, **given) as process:
-            goals, motion = bench.publisher(topics.JOINT_TRAJECTORY), trajectory(goal, 4.0)
+            goals, motion = bench.publisher(topics.JOINT_TRAJECTORY), trajectory(goal, 2.0)
             bench.wait_for_posture(goal, 0.05, lambda: goals.publish(motion))
             assert process.stop() == 0, process.tail()
         # All states have arrived, up to the newest disturbance.
