@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 import rclpy
 from answering_bridges import destroy_bridges
+from forked_executable import FORKING
 from hypothesis import settings
 from own_domain import own_domain
 from quick_spinning import release_nodes
 from rclpy.node import Node
 
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.ros.process import node_process
 from aerarm_ros.ros.process.node_process import find_log_directory, ros_environment
 from aerarm_ros.ros.process.process_end import ExitLimit
 
@@ -99,6 +101,14 @@ def made_once(
 def robot() -> Robot:
     """Return the arm; other packages override this fixture."""
     return load_robot()
+
+
+@pytest.fixture(scope='session', autouse=True)
+def forked_nodes() -> Iterator[None]:
+    """Fork the nodes of `NodeProcess` from a process that has imported their libraries."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(node_process, 'subprocess', FORKING)
+        yield
 
 
 @pytest.fixture

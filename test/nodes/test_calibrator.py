@@ -137,14 +137,14 @@ def test_from_the_ride_of_an_emulated_arm_to_a_bridge_with_its_offsets(
         enabled = run('arm', 'enable', '--timeout', '200', '--wait-before', 'idle',
                       '--wait', 'ready', 'running')  # fmt: skip
         assert enabled.returncode == 0, enabled.stderr
-        ride = run('arm', 'calibrate', '--postures', '14', '--rest', '0.7', '--timeout', '200',
+        ride = run('arm', 'calibrate', '--postures', '8', '--rest', '0.7', '--timeout', '200',
                    '--out', str(bag))  # fmt: skip
         assert ride.returncode == 0, ride.stderr + ride.stdout
     bridge.stop()
     assert 'sensors: /mocap/marker1, /mocap/marker2' in ride.stderr
     done = run('calibrator', '--bag', bag, '--out', out)
     assert done.returncode == 0, done.stderr
-    assert 'the arm rests in 14 postures' in done.stderr
+    assert 'the arm rests in 8 postures' in done.stderr
     figures = json.loads((out / 'summary.json').read_text())
     assert figures['errors']['training']['after_mm'] < 0.5
 

@@ -95,7 +95,7 @@ def test_leaves_nothing_running_and_nothing_incomplete(demo: tuple[str, Path]) -
     assert not (out / INCOMPLETE).exists()
 
 
-@pytest.mark.parametrize('sent', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize('sent', [signal.SIGINT, signal.SIGKILL])
 def test_ended_early_it_leaves_no_process_and_a_marked_folder(
     ros_domain: dict[str, str], tmp_path: Path, sent: signal.Signals
 ) -> None:

@@ -26,7 +26,11 @@ from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 
 @pytest.mark.pace('keep_up')
-def test_publishes_states_of_all_joints_and_motors(client: BridgeClient) -> None:
+def test_publishes_states_of_all_joints_and_motors_with_the_system_time(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    process = start_bridge(use_sim_time=True)
+    client = BridgeClient(ros_node)
     client.wait_for(lambda: len(client.states) > 100 and bool(client.powers))
     assert client.states[-1].name == JOINTS
     q, motor = np.array(client.states[-1].position), np.array(client.motors[-1].position)
@@ -34,6 +38,10 @@ def test_publishes_states_of_all_joints_and_motors(client: BridgeClient) -> None
     assert len(client.powers[-1].data) == 4
     stamps = [s.header.stamp.sec + 1e-9 * s.header.stamp.nanosec for s in client.states]
     assert np.all(np.diff(stamps) > 0)
+    client.wait_for(lambda: client.diagnosed > 0.0)
+    now = time.time()
+    assert [stamps[-1], client.diagnosed] == pytest.approx([now, now], abs=20.0)
+    assert process.tail(50).count('use_sim_time is ignored') == 1
 
 
 @pytest.mark.pace('real_time')
@@ -52,8 +60,19 @@ def test_cycles_lie_on_a_grid_of_a_millisecond(client: BridgeClient) -> None:
     assert cycles > 0
 
 
-def test_motors_stay_off_until_enabled_then_follow_a_velocity(client: BridgeClient) -> None:
+def assert_ends_cleanly(bridge: NodeProcess, sent: signal.Signals) -> None:
+    assert bridge.stop(sent) == 0
+    assert 'cycles' in bridge.tail()
+    assert 'Traceback' not in bridge.tail(100)
+
+
+def test_motors_stay_off_until_enabled_then_follow_a_velocity_until_an_e_stop(
+    client: BridgeClient, bridge: NodeProcess, tmp_path: Path
+) -> None:
     client.wait_for_mode('idle')
+    truth = yaml.safe_load((tmp_path / 'truth.yaml').read_text())
+    assert truth['joint_names'] == JOINTS
+    assert len(truth['parameters']) >= 48
     assert client.call('enable').success
     client.wait_for_mode('ready')
     assert 'aligning' in client.modes
@@ -65,11 +84,20 @@ def test_motors_stay_off_until_enabled_then_follow_a_velocity(client: BridgeClie
     assert moved[1] == pytest.approx(-moved[0] / 2, abs=0.08)  # joint 2 sags under the weight
     assert moved[2:] == pytest.approx(moved[0], abs=0.05)
 
+    assert client.call('e_stop').success
+    client.wait_for_mode('fault')
+    client.answer = None
+    assert not client.call('enable').success
+    client.wait_for(lambda: 'emergency stop' in client.messages.get('arm', ''))
+    assert client.call('clear_fault').success
+    client.wait_for(lambda: client.modes[-1] in ('ready', 'idle'))
+    assert_ends_cleanly(bridge, signal.SIGINT)
+
 
 def test_arm_is_damped_when_commands_stop_and_held_when_enabled_again(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:
-    start_bridge(answer_timeout=0.5)
+    bridge = start_bridge(answer_timeout=0.5)
     client = BridgeClient(ros_node)
     client.make_ready()
     client.answer = lambda state: velocity_command(state, [0.5, 0.0, 0.0, 0.0])
@@ -85,6 +113,7 @@ def test_arm_is_damped_when_commands_stop_and_held_when_enabled_again(
     client.wait_for(lambda: abs(client.states[-1].effort[1] - before) > 0.5)
     (reason,) = client.set_parameters(payload=[0.5])
     assert 'must be a mass' in reason
+    assert_ends_cleanly(bridge, signal.SIGTERM)
 
 
 def changed(**change: object) -> Callable[[JointState], object]:
@@ -119,7 +148,9 @@ BAD_COMMANDS = [
 ]
 
 
-def test_bad_commands_are_rejected_and_counted_and_the_arm_held(client: BridgeClient) -> None:
+def test_bad_commands_are_rejected_and_counted_and_the_arm_held(
+    client: BridgeClient, bridge: NodeProcess
+) -> None:
     client.make_ready()
     start = client.states[-1].position[0]
 
@@ -133,26 +164,7 @@ def test_bad_commands_are_rejected_and_counted_and_the_arm_held(client: BridgeCl
         assert client.modes[-1] == 'ready'
         assert client.states[-1].position[0] == pytest.approx(start, abs=2e-3)
         assert client.diagnostics['arm']['commands accepted'] == '0'
-
-
-def test_e_stop_latches_until_cleared(client: BridgeClient) -> None:
-    client.make_ready()
-    assert client.call('e_stop').success
-    client.wait_for_mode('fault')
-    assert not client.call('enable').success
-    client.wait_for(lambda: 'emergency stop' in client.messages.get('arm', ''))
-    assert client.call('clear_fault').success
-    client.wait_for(lambda: client.modes[-1] in ('ready', 'idle'))
-
-
-@pytest.mark.parametrize('sent', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_ends_cleanly_on_signals(
-    client: BridgeClient, bridge: NodeProcess, sent: signal.Signals
-) -> None:
-    client.make_ready()
-    assert bridge.stop(sent) == 0
-    assert 'cycles' in bridge.tail()
-    assert 'Traceback' not in bridge.tail(100)
+    assert_ends_cleanly(bridge, signal.SIGHUP)
 
 
 def test_a_closed_terminal_switches_the_motors_off(ros_node: Node) -> None:
@@ -189,26 +201,6 @@ def test_two_arms_have_distinct_diagnostics(ros_node: Node, tmp_path: Path) -> N
             stack.enter_context(NodeProcess(name, namespace, log=tmp_path / name))
         assert spin_until(ros_node, lambda: found.keys() >= names, 60.0), found
     assert {found[name] for name in names} == {'left/aerarm'}
-
-
-@pytest.mark.pace('keep_up')
-def test_everything_is_stamped_by_the_system_clock(
-    start_bridge: StartBridge, ros_node: Node
-) -> None:
-    process = start_bridge(use_sim_time=True)
-    client = BridgeClient(ros_node)
-    client.wait_for(lambda: client.diagnosed > 0.0 and bool(client.states))
-    now = time.time()
-    stamp = client.states[-1].header.stamp
-    assert [stamp.sec, client.diagnosed] == pytest.approx([now, now], abs=20.0)
-    assert process.tail(50).count('use_sim_time has no effect') == 1
-
-
-def test_true_parameters_are_written_for_the_report(client: BridgeClient, tmp_path: Path) -> None:
-    client.wait_for_mode('idle')
-    truth = yaml.safe_load((tmp_path / 'truth.yaml').read_text())
-    assert truth['joint_names'] == JOINTS
-    assert len(truth['parameters']) >= 48
 
 
 @pytest.mark.parametrize(

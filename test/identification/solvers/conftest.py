@@ -12,7 +12,7 @@ from aerarm_ros.identification.regression.base_parameters import Prior
 from aerarm_ros.identification.regression.regression import TriangularSystem
 from aerarm_ros.identification.solvers.estimate import PhysicalLimits
 from aerarm_ros.identification.solvers.solvers import physical_limits
-from aerarm_ros.identification.solvers.thesis_solvers import ThesisProblem
+from aerarm_ros.identification.solvers.thesis_solvers import ThesisProblem, solve_slsqp
 from aerarm_ros.model.inertia import from_pseudo_inertia
 from aerarm_ros.model.regressor import Regressor
 
@@ -20,6 +20,11 @@ from aerarm_ros.model.regressor import Regressor
 @pytest.fixture(scope='session')
 def problem(result: IdentificationResult) -> ThesisProblem:
     return ThesisProblem.of(result.fit, physical_limits(result.fit, result.cad))
+
+
+@pytest.fixture(scope='session')
+def slsqp(problem: ThesisProblem) -> np.ndarray:
+    return solve_slsqp(problem)
 
 
 @pytest.fixture(scope='session')

@@ -42,11 +42,14 @@ def test_limits_are_those_of_cad(result: IdentificationResult) -> None:
     assert np.all((lower < centre) & (centre < upper))
 
 
-def test_slow_solvers_run_on_request_and_report_progress(result: IdentificationResult) -> None:
+def test_slow_solvers_run_on_request_and_report_progress(
+    result: IdentificationResult, slsqp: np.ndarray
+) -> None:
     told: list[str] = []
     estimates = solve_all(result.fit, result.cad, result.identification, ['slsqp'], told.append)
     assert list(estimates) == ['cad', 'cad_friction', 'ols', 'slsqp', 'sdp']
     assert told == ['slsqp']
+    assert np.array_equal(estimates['slsqp'].theta, slsqp)  # the same bits in every run
 
 
 def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResult) -> None:

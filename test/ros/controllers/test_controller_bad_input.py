@@ -73,7 +73,7 @@ def imu(**orientation: float) -> Imu:
     return message
 
 
-def test_trajectories_and_imu_samples(bench: ControllerBench) -> None:
+def refuse_trajectories_and_imu_samples(bench: ControllerBench) -> None:
     with bench.controller('computed_torque', base_motion='full') as process:
         trajectories = bench.publisher(topics.JOINT_TRAJECTORY)
         bench.wait(lambda: bench.mode == 'running', 'commands')
@@ -88,7 +88,7 @@ def test_trajectories_and_imu_samples(bench: ControllerBench) -> None:
             refuse(bench, process, lambda s=sample: imus.publish(s), reason)
 
 
-def test_set_points(bench: ControllerBench) -> None:
+def refuse_set_points(bench: ControllerBench) -> None:
     with bench.controller('gravity_compensation') as process:
         set_points = bench.publisher(topics.SET_POINT)
         bench.wait(lambda: bench.mode == 'running', 'commands')
@@ -101,8 +101,7 @@ def test_set_points(bench: ControllerBench) -> None:
             refuse(bench, process, lambda m=message: set_points.publish(m), reason)
 
 
-@pytest.mark.parametrize('name', ['kinematic_control', 'impedance_control'])
-def test_tool_targets(bench: ControllerBench, name: str) -> None:
+def refuse_tool_targets(bench: ControllerBench, name: str) -> None:
     with bench.controller(name) as process:
         targets = bench.publisher(topics.TOOL_TRAJECTORY)
         bench.wait(lambda: bench.mode == 'running', 'commands')
@@ -118,7 +117,7 @@ def test_tool_targets(bench: ControllerBench, name: str) -> None:
             refuse(bench, process, lambda m=message: targets.publish(m), reason)
 
 
-def test_a_set_point_for_an_arm_that_is_stopped(bench: ControllerBench) -> None:
+def refuse_set_points_for_a_stopped_arm(bench: ControllerBench) -> None:
     with bench.controller('gravity_compensation') as process:
         bench.wait(lambda: bench.mode == 'running', 'commands')
         bench.call('e_stop')
@@ -134,3 +133,12 @@ def test_a_set_point_for_an_arm_that_is_stopped(bench: ControllerBench) -> None:
             reason,
             lambda: set_points.publish(message),
         )
+
+
+def test_rejected_inputs_are_named_and_move_nothing(bench: ControllerBench) -> None:
+    """One bridge holds the arm from controller to controller."""
+    refuse_trajectories_and_imu_samples(bench)
+    refuse_set_points(bench)
+    for name in ('kinematic_control', 'impedance_control'):
+        refuse_tool_targets(bench, name)
+    refuse_set_points_for_a_stopped_arm(bench)

@@ -1,6 +1,6 @@
 """A controller compensates the friction of `friction_file`, which the URDF cannot contain."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +8,10 @@ import pytest
 import yaml
 from controller_bench import NAMES, ControllerBench, trajectory
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.robot import load_robot
 
 STRIBECK, VELOCITY = 1.0, 0.2  # of the dry friction, and [rad/s]
@@ -47,13 +48,27 @@ def estimate(folder: Path) -> Path:
 def test_the_disturbance_of_a_slow_motion_contains_no_stribeck_friction(
     bench: ControllerBench, tmp_path: Path
 ) -> None:
-    efforts: dict[int, list[float]] = {}
-    velocities: dict[int, list[float]] = {}
+    reader = RawReader(
+        bench.node, topics.JOINT_STATES.queued(20_000), topics.DISTURBANCE.queued(20_000)
+    )
+    codec = JointStateCdr(NAMES)
+    velocities: dict[int, np.ndarray] = {}
+    efforts: dict[int, np.ndarray] = {}
 
-    def keep(message: JointState, values: dict[int, list[float]], row: Sequence[float]) -> None:
-        assert list(message.name) == NAMES
-        stamp = message.header.stamp
-        values[10**9 * stamp.sec + stamp.nanosec] = list(row)
+    def take() -> None:
+        """Take the messages of half a second; more come meanwhile."""
+        for index, values in enumerate((velocities, efforts)):
+            for _ in range(500):
+                message = reader.take(index)
+                if message is None:
+                    break
+                sample = codec.unpack(message[0])
+                assert sample is not None
+                values[sample.stamp_ns] = sample.effort if index else sample.velocity
+
+    def have_all_come() -> bool:
+        take()
+        return max(velocities) >= max(efforts)
 
     def unexplained(direction: float) -> np.ndarray:
         """Return the mean disturbance while all joints move and joint1 moves in a direction."""
@@ -69,13 +84,18 @@ def test_the_disturbance_of_a_slow_motion_contains_no_stribeck_friction(
     def move(goal: list[float], **given: object) -> None:
         with bench.controller('computed_torque', compensation=0.0, **given) as process:
             goals, motion = bench.publisher(topics.JOINT_TRAJECTORY), trajectory(goal, 4.0)
-            bench.wait_for_posture(goal, 0.05, lambda: goals.publish(motion))
+            bench.wait(lambda: bench.mode == 'running', 'commands')
+
+            def is_there() -> bool:
+                take()  # the middleware keeps 5000 states
+                return bool(np.abs(bench.q - goal).max() < 0.05 and np.abs(bench.dq).max() < 0.05)
+
+            bench.wait(is_there, f'{goal}', lambda: goals.publish(motion))
             assert process.stop() == 0, process.tail()
         # All states have arrived, up to the newest disturbance.
-        bench.wait(lambda: max(velocities) >= max(efforts), 'the last state')
+        bench.wait(have_all_come, 'the last state')
+        bench.wait(lambda: bench.mode == 'ready', 'the end of commands')
 
-    bench.listen(topics.DISTURBANCE.queued(1000), lambda m: keep(m, efforts, m.effort))
-    bench.listen(topics.JOINT_STATES.queued(20_000), lambda m: keep(m, velocities, m.velocity))
     move(GOAL)
     move(HERE, friction_file=estimate(tmp_path))
     without, with_file = unexplained(1.0), unexplained(-1.0)

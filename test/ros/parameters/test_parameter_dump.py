@@ -52,15 +52,15 @@ def declared(name: str, table: ParameterTable, *arguments: str) -> tuple[dict, d
         node.destroy_node()
 
 
-@pytest.mark.parametrize('name', nodes())
-def test_a_dump_loads_again(name: str, tmp_path: Path, ros: None) -> None:
-    table = importlib.import_module(command_modules()[name]).PARAMETERS
-    values, content = declared(name, table)
-    path = tmp_path / 'd.yaml'
-    path.write_text(yaml.dump(content, default_flow_style=False))
-    arguments = ['--ros-args', '--params-file', str(path)]
-    assert CommandLine(name, table, '').check(RosArguments(arguments)) == []
-    assert declared(name, table, *arguments) == (values, content)
+def test_a_dump_loads_again(tmp_path: Path, ros: None) -> None:
+    for name in nodes():
+        table = importlib.import_module(command_modules()[name]).PARAMETERS
+        values, content = declared(name, table)
+        path = tmp_path / f'{name}.yaml'
+        path.write_text(yaml.dump(content, default_flow_style=False))
+        arguments = ['--ros-args', '--params-file', str(path)]
+        assert CommandLine(name, table, '').check(RosArguments(arguments)) == [], name
+        assert declared(name, table, *arguments) == (values, content), name
 
 
 def test_only_a_list_may_be_empty(tmp_path: Path, ros: None) -> None:

@@ -1,6 +1,5 @@
-"""Help and mistakes of a node's command line, and both of every node as a process."""
+"""Help and mistakes of a node's command line; test_help_golden.py has those of every node."""
 
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -98,33 +97,6 @@ def test_a_probable_slip_that_may_be_meant_for_another_node_is_a_warning(
 ) -> None:
     (warning,) = check_file(tmp_path, text)
     assert said in warning
-
-
-def executables() -> list[str]:
-    """Return what is installed of this package."""
-    scripts = entry_points(group='console_scripts')
-    return sorted({s.name for s in scripts if s.value.startswith('aerarm_ros.executables:')})
-
-
-@pytest.mark.parametrize('name', executables())
-def test_every_executable_explains_itself_and_starts_nothing(
-    name: str, ros_domain: dict[str, str], tmp_path: Path
-) -> None:
-    done = run(name, '--help', cwd=tmp_path)
-    assert done.returncode == 0
-    assert done.stdout.startswith('usage: ')
-    assert done.stderr == ''
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize('name', executables())
-def test_no_executable_starts_with_an_argument_that_it_does_not_have(
-    name: str, ros_domain: dict[str, str], tmp_path: Path
-) -> None:
-    done = run(name, '--nonsense', cwd=tmp_path)
-    assert done.returncode == 2
-    assert 'Traceback' not in done.stderr
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_mistyped_parameter_moves_nothing(ros_domain: dict[str, str], tmp_path: Path) -> None:

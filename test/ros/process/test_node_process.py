@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from aerarm_ros.ros.process import node_process
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.process.process_end import LAUNCH_PID
 
@@ -20,6 +21,12 @@ child = NodeProcess('fake_hardware', log=Path(sys.argv[1]))
 print(child.pid, flush=True)
 time.sleep(3600.0)
 """
+
+
+@pytest.fixture(autouse=True)
+def real_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Start processes as users do."""
+    monkeypatch.setattr(node_process, 'subprocess', subprocess)
 
 
 def wait_for(condition, timeout: float = 60.0) -> bool:
