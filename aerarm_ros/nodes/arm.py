@@ -79,6 +79,10 @@ _COMMISSION = 'guide through the first power-on of each joint: THE ARM MOVES aft
 _TIMEOUT = 20.0  # [s]
 # Twice the longest time that a new node needs to discover a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
+_PRESS = (
+    'press the tool on a wall with a force, with world_control; three zeros end the contact: THE '
+    'ARM MOVES'
+)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -161,6 +165,11 @@ def make_parser() -> argparse.ArgumentParser:
         help='distance from the position below which the goal counts as reached [m] (default: '
         '0.01)',
     )
+    command = add('press', _PRESS)
+    for axis in 'xyz':
+        command.add_argument(
+            axis, type=finite_number, help=f'{axis} component of the force in the world frame [N]'
+        )
     for name, (executable, _, what, meaning) in _PROGRAMS.items():
         command = commands.add_parser(
             name, help=meaning, description=f'{meaning[0].upper()}{meaning[1:]}: {executable}.'

@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
+from forked_executable import run
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 
@@ -40,8 +41,15 @@ def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
 
         assert reported([np.nan, 0.0, 0.0], 'odom', 'three finite numbers')
         assert reported([5.0, 0.0, 0.0], 'nowhere', "'nowhere'")
-        assert reported([0.0, 2.0, 0.0], 'odom', 'the direction cannot change')
-        # The contact continues.
+        done = run('arm', 'press', '0', '2', '0', '--timeout', '60')
+        assert done.returncode == 1
+        assert 'the direction cannot change' in done.stderr
+        done = run('arm', 'press', '4', '0', '0', '--timeout', '60')
+        assert (done.returncode, 'the tool presses with' in done.stdout) == (0, True), done.stderr
+        # The contact has continued.
         bench._forces.clear()
         bench._seen(0.2)
-        assert abs(np.mean(bench._forces) - case.force) < 1.0
+        assert abs(np.mean(bench._forces) - 4.0) < 1.0
+        assert run('arm', 'press', '0', '0', '0', '--timeout', '60').returncode == 0
+        bench._seen(0.5)
+        assert bench._force == 0.0

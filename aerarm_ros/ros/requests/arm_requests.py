@@ -109,6 +109,17 @@ def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     return ask
 
 
+def _press(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.requests.motion_request import PressRequest
+
+    request = PressRequest(node)
+
+    def ask() -> None:
+        print(request.press((options.x, options.y, options.z), options.timeout), flush=True)
+
+    return ask
+
+
 def _set(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
@@ -167,6 +178,7 @@ def _calibrate(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 _REQUESTS: dict[str, Callable[[Node, argparse.Namespace], Callable[[], None]]] = {
     'go': _go,
     'tool': _tool,
+    'press': _press,
     'set': _set,
     'fault': _fault,
     'record': _record,

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -400,3 +400,64 @@ class ToolRequest(_MotionRequest):
 
     def _on_pose(self, message: PoseStamped) -> None:
         self._pose = message
+
+
+_FORCE_TOLERANCE = 0.05  # of the set force, with which it counts as reached
+
+
+class PressRequest(_MotionRequest):
+    """Press the tool on a wall: publish a force, and wait until `world_control` has reached it.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscriptions; no executor may contain it.
+    """
+
+    _TOPIC = topics.TOOL_FORCE
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(node)
+        self._pressed = 0.0  # planned force [N]
+        self._listen(topics.PLANNED_CONTACT, self._on_contact)
+
+    def press(self, force: Sequence[float], timeout: float) -> str:
+        """Publish a force (3,) on the wall in the world frame [N], and return the result.
+
+        Parameters
+        ----------
+        timeout
+            Longest time to find `world_control`, and again for approach and rise of the force [s].
+
+        Raises
+        ------
+        ArmClientError
+            If `world_control` does not run, rejects the force, or does not reach it.
+        """
+        found = self._publisher.get_subscription_count
+        if not spin_until(self._node, lambda: found() and self._mode, timeout):
+            raise ArmClientError(
+                f'no controller accepts a tool force: start a bridge and world_control in '
+                f'{this_domain()}'
+            )
+        self._require_held()
+        self._rejections.begin(timeout)
+        message = WrenchStamped()
+        f = message.wrench.force
+        f.x, f.y, f.z = (float(x) for x in force)
+        self._publisher.publish(message)
+        wanted = float(np.linalg.norm(force))
+        if wanted == 0.0:
+            self._wait(lambda: False, _REPORT)
+            return 'the contact has ended'
+        tolerance = _FORCE_TOLERANCE * wanted
+        if not self._wait(lambda: abs(self._pressed - wanted) <= tolerance, timeout):
+            raise ArmClientError(
+                f'the tool does not press with {wanted:g} N after {timeout:g} s: check the log '
+                'of world_control, and the distance of the wall'
+            )
+        return f'the tool presses with {self._pressed:.1f} N'
+
+    def _on_contact(self, message: WrenchStamped) -> None:
+        f = message.wrench.force
+        self._pressed = float(np.linalg.norm([f.x, f.y, f.z]))
