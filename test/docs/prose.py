@@ -55,6 +55,7 @@ LINK = re.compile(r'!?\[([^\]]*)\]\([^)]*\)')
 FENCE = re.compile(r'^( *)(```|~~~).*?^\1?\2', re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r'\n\s*\n|\n\s*(?=[-*|>] ?|#+ |\d+\. )|\|')
 # In a message a colon or semicolon ends a statement.
+STOP = re.compile(r'(?<=[.!?])\s+')
 END = re.compile(r'(?<=[.!?])\s+|(?<=[:;])\s+')
 WORD = re.compile(r"[^\W\d_][\w'-]*")
 
@@ -65,12 +66,23 @@ def markdown(text: str) -> Iterator[str]:
 
 
 def literal(node: ast.AST) -> str:
-    """Return the text of a string node; a hole of an f-string counts as one word."""
+    """Return the text of a string node; a placeholder of an f-string counts as one word."""
     if isinstance(node, ast.Constant):
         return node.value if isinstance(node.value, str) else ''
     if isinstance(node, ast.JoinedStr):
-        return ''.join(literal(part) or '`x`' for part in node.values)
+        return ''.join(literal(part) or f'`{placeholder(part)}`' for part in node.values)
     return ''
+
+
+def placeholder(node: ast.AST) -> str:
+    """Return the name of the variable, attribute or function whose value an f-string contains."""
+    while isinstance(node, (ast.FormattedValue, ast.Subscript, ast.Starred)):
+        node = node.value
+    if isinstance(node, ast.Call):
+        node = node.func
+    if isinstance(node, ast.Attribute):
+        return node.attr.strip('_')
+    return node.id if isinstance(node, ast.Name) else 'x'
 
 
 def python(text: str) -> Iterator[str]:
@@ -138,8 +150,8 @@ def exceptions() -> dict[str, int]:
 def sample(seed: int, count: int = 40) -> Iterator[str]:
     """Yield sentences drawn with equal probability from all texts, each with its paragraph.
 
-    A sentence has at least five words. Scripts are left out, because most of their lines are
-    statements.
+    A sentence has at least five words, and ends at a full stop or with its paragraph. Scripts are
+    left out, because most of their lines are statements.
     """
     sentences = []
     for path in files():
@@ -147,7 +159,7 @@ def sample(seed: int, count: int = 40) -> Iterator[str]:
             continue
         for block in READERS[path.suffix](path.read_text()):
             text = ' '.join(block.split())
-            drawn = [part for part in END.split(text) if len(WORD.findall(part)) >= 5]
+            drawn = [part for part in STOP.split(text) if len(WORD.findall(part)) >= 5]
             sentences += [(path.relative_to(ROOT), part, text) for part in drawn]
     for path, sentence, text in random.Random(seed).sample(sentences, count):
         yield f'{sentence}\n    {path}' + (f': {text}' if text != sentence else '')
