@@ -192,9 +192,9 @@ def open_line(text: str) -> UdpLine | SerialLine:
         If the text has another form, or the line cannot be opened.
     """
     kind, _, rest = text.partition(':')
-    place, _, number = rest.rpartition(':')
+    place, colon, number = rest.rpartition(':')
     is_whole = number.isdigit() and (kind == _UDP and int(number) <= _PORTS or kind == _SERIAL)
-    if not is_whole or (kind == _SERIAL and not place):
+    if not is_whole or (not place and (colon or kind == _SERIAL)):
         raise ValueError(f'connection {text!r}: give {_FORMS}')
     try:
         if kind == _SERIAL:

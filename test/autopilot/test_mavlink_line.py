@@ -109,6 +109,7 @@ def test_a_serial_line_is_raw_in_both_directions() -> None:
     [
         ('tcp:1', 'udp:PORT'),
         ('udp', 'udp:PORT'),
+        ('udp::14550', 'udp:PORT'),
         ('serial:57600', 'serial:DEVICE:BAUD'),
         ('serial:/dev/no_such_tty:57600', 'No such file'),
         ('serial:/dev/null:57600', 'not a serial device'),
