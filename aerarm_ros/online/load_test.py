@@ -75,7 +75,7 @@ class LoadTest:
         return self._body is not None
 
     def pause(self) -> None:
-        """Restart after a gap; a detected payload stays."""
+        """Restart the test after a gap in the data; keep a payload that was detected before."""
         self._columns = np.zeros((self._n, 10))
         self._integral: Array | None = None
         self._due = self._quiet = 0.0

@@ -215,12 +215,12 @@ FAULTS: dict[str, Fault] = {
     ),
     'slow_bus': Fault('duration of an exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
     'swapped_channels': Fault(
-        "the board's two motors, with their encoders, are swapped; repeat the fault to "
-        'swap them back',
+        "the board's two motors, with their encoders, are swapped; inject the fault again "
+        'to swap them back',
         _swapped_channels,
     ),
     'wrong_sign': Fault(
-        'a motor turns its joint in the wrong direction; repeat the fault to end it', _wrong_sign
+        'a motor turns its joint in the wrong direction; inject it again to end it', _wrong_sign
     ),
     'wrong_ratio': Fault(
         'motor turns per joint turn of the installed gear', _wrong_ratio, 27.0, 1.0, 1e4

@@ -192,8 +192,8 @@ def _check_value(rule: str, left: str, value: str) -> None:
         is_read = False
     if not is_read:
         raise UsageError(
-            f"-p {rule} has no valid value: use 2.5, true, '[1.0, 2.0]' or a text. A text with "
-            f'special characters of YAML needs two pairs of quotes: -p {left}:="\'TEXT\'"'
+            f"-p {rule} has no valid value: use 2.5, true, '[1.0, 2.0]' or a string. A string "
+            f'that contains YAML special characters needs two pairs of quotes: -p {left}:="\'TEXT\'"'
         )
 
 
