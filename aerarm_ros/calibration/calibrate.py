@@ -115,6 +115,22 @@ class Calibration:
         """Observations used for the fit."""
         return self.fit.observations
 
+    @property
+    def groups(self) -> dict[str, Observations]:
+        """Fitted postures, with the name 'training', and held-out postures by name."""
+        held_out = {held.name: held.observations for held in self.held_out}
+        return {'training': self.observations, **held_out}
+
+    @property
+    def as_drawn(self) -> dict[str, list[str]]:
+        """Names of the errors that are not estimated, grouped by the reason."""
+        names, found = self.fit.geometry.names, self.found
+        return {
+            'insignificant': [names[k] for k in found.columns if k not in self.fit.free],
+            'not_shown_by_these_postures': [names[k] for k in found.hidden],
+            'absorbed': [names[k] for k in found.absorbed],
+        }
+
     def errors(self, fit: Fit, observations: Observations | None = None) -> tuple[float, float]:
         """Return the RMS residuals of positions [m] and angles [rad] of a fit."""
         observations = observations or self.observations
@@ -134,12 +150,8 @@ class Calibration:
         for source, residual in zip(
             observations.sources, self.fit.residuals(observations), strict=True
         ):
-            lengths = [k for k, (_, unit) in enumerate(source.channels) if unit == 'm']
-            for start in range(0, len(lengths), 3):
-                columns = lengths[start : start + 3]
-                norm = np.sum(residual[:, columns] ** 2, axis=1)
-                name = source.channels[columns[0]][0].rpartition(' ')[0]
-                found[name] = float(np.sqrt(np.nanmean(norm)))
+            for name, norm in source.norms(residual, 'm').items():
+                found[name] = float(np.sqrt(np.nanmean(norm**2)))
         return found
 
     def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.description.urdf_document import UrdfDocument, UrdfJoint
+from aerarm_ros.identification.recording.table_file import some_names
 
 # [kg] mass given to a link that has none in the URDF, so that the URDF can be loaded
 _LIGHT = 1e-6
@@ -75,14 +76,14 @@ def chain_of(
     known = [name for name in recorded if name in driven]
     if not known:
         raise CalibrationError(
-            f'none of the recorded joints ({_some(recorded)}) is a joint of the URDF '
-            f'({_some(sorted(driven))}): check the URDF, or rename the columns'
+            f'none of the recorded joints ({some_names(recorded)}) is a joint of the URDF '
+            f'({some_names(sorted(driven))}): check the URDF, or rename the columns'
         )
     link = link or _last_link(document, above, known)
     if link not in document.links:
         raise CalibrationError(
             f"link {link} (--link) is unknown: choose one of the URDF's links, "
-            f'{_some(sorted(document.links))}'
+            f'{some_names(sorted(document.links))}'
         )
     path = []
     at = link
@@ -94,8 +95,8 @@ def chain_of(
     if missing:
         raise CalibrationError(
             f'joint {missing[0]} moves link {link}, but has no recorded positions (recorded: '
-            f'{_some(recorded)}): record them, or pass --lock {missing[0]} if the joint stayed at '
-            'zero'
+            f'{some_names(recorded)}): record them, or pass --lock {missing[0]} if the joint '
+            'stayed at zero'
         )
     if not moving:
         raise CalibrationError(f'no recorded joint moves link {link} (--link): name another link')
@@ -158,9 +159,3 @@ def _mass(link: ET.Element) -> float:
         return float(element.get('value', '0')) if element is not None else 0.0
     except ValueError:
         return 0.0
-
-
-def _some(names: Collection[str]) -> str:
-    shown = list(names)[:12]
-    more = len(names) - len(shown)
-    return ', '.join(shown) + (f' and {more} more' if more > 0 else '') or 'none'

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.calibration.fit import Fit
 from aerarm_ros.calibration.geometry import ArmGeometry
@@ -177,18 +178,13 @@ def _check_distances(names: Sequence[str], positions: Array, labels: Sequence[st
     rows = np.flatnonzero(wrong.any(axis=0))
     if not len(rows):
         return
-    row = int(rows[0])
-    others = f' (and in {len(rows) - 1} more)' if len(rows) > 1 else ''
+    row, where = int(rows[0]), _where(labels, rows)
     for one, other in pairs:
         swapped = positions[row].copy()
         swapped[[one, other]] = swapped[[other, one]]
         after = np.array([_distances(swapped[None], pair)[0] for pair in pairs])
         if not np.any(np.abs(after - usual) > limit):
-            raise CalibrationError(
-                f'{labels[row]}{others}: markers {names[one]} and {names[other]} '
-                'are swapped; exchange them in these rows, or label them again in the motion '
-                'capture software'
-            )
+            raise _swapped(where, names[one], names[other])
     counts = [sum(wrong[k, row] for k, pair in enumerate(pairs) if m in pair)
               for m in range(len(names))]  # fmt: skip
     marker = int(np.argmax(counts))
@@ -199,7 +195,7 @@ def _check_distances(names: Sequence[str], positions: Array, labels: Sequence[st
     suspects = [name for name, n in zip(names, counts, strict=True) if n == max(counts)]
     who = f'marker {" or ".join(suspects)}'
     raise CalibrationError(
-        f'{labels[row]}{others}: {who} jumps by {1e3 * off:.0f} mm relative to the others; leave '
+        f'{where}: {who} jumps by {1e3 * off:.0f} mm relative to the others; leave '
         f'its cells empty in these postures, or remove it with --ignore {names[marker]}'
     )
 
@@ -231,31 +227,37 @@ def check_misfit(fit: Fit) -> None:
 
 def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
     """Raise an error if two markers are swapped in a few postures, or a marker jumps."""
-    labels = fit.observations.labels
     vectors = residual.reshape(len(residual), len(source.names), 3)
     off = np.linalg.norm(vectors, axis=2)
     far = np.nan_to_num(off) > max(_FAR, _FAR_SIGMAS * fit.length)
     rows = np.flatnonzero(far.any(axis=1))
     if not len(rows):
         return
-    row = int(rows[0])
-    others = f' (and in {len(rows) - 1} more)' if len(rows) > 1 else ''
+    row, where = int(rows[0]), _where(fit.observations.labels, rows)
     predicted = vectors[row] + source.position[row]
     before = float(np.nansum(vectors[row] ** 2))
     for one, other in combinations(range(len(source.names)), 2):
         swapped = source.position[row].copy()
         swapped[[one, other]] = swapped[[other, one]]
         if float(np.nansum((predicted - swapped) ** 2)) < _EXPLAINED**2 * before:
-            raise CalibrationError(
-                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} '
-                'are swapped; exchange them in these rows, or label them again in the motion '
-                'capture software'
-            )
+            raise _swapped(where, source.names[one], source.names[other])
     marker = int(np.nanargmax(off[row]))
     raise CalibrationError(
-        f'{labels[row]}{others}: marker {source.names[marker]} jumps by '
+        f'{where}: marker {source.names[marker]} jumps by '
         f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures; leave its cells '
         'empty in these postures, or remove postures in which the arm moved'
+    )
+
+
+def _where(labels: Sequence[str], rows: npt.NDArray[np.intp]) -> str:
+    """Return the label of the first of several postures, and the number of the others."""
+    return labels[int(rows[0])] + (f' (and in {len(rows) - 1} more)' if len(rows) > 1 else '')
+
+
+def _swapped(where: str, one: str, other: str) -> CalibrationError:
+    return CalibrationError(
+        f'{where}: markers {one} and {other} are swapped; exchange them in these rows, or label '
+        'them again in the motion capture software'
     )
 
 

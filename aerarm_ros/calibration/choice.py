@@ -259,18 +259,19 @@ def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
 
 def errors_of(sources: Sequence[Source], residuals: Sequence[Array]) -> tuple[float, float]:
     """Return the RMS residuals of positions [m] and of angles [rad], both as vector norms."""
-    squares: dict[str, list[Array]] = {'m': [], 'rad': []}
-    for source, residual in zip(sources, residuals, strict=True):
-        for unit, values in squares.items():
-            columns = [k for k, (_, own) in enumerate(source.channels) if own == unit]
-            for start in range(0, len(columns), 3):
-                norm = np.sum(residual[:, columns[start : start + 3]] ** 2, axis=1)
-                values.append(norm[np.isfinite(norm)])
-    roots = [
-        float(np.sqrt(np.mean(np.concatenate(values)))) if values else float('nan')
-        for values in squares.values()
-    ]
-    return roots[0], roots[1]
+    position, angle = (
+        [
+            norm
+            for source, residual in zip(sources, residuals, strict=True)
+            for norm in source.norms(residual, unit).values()
+        ]
+        for unit in ('m', 'rad')
+    )
+    return _rms(position), _rms(angle)
+
+
+def _rms(norms: Sequence[Array]) -> float:
+    return float(np.sqrt(np.nanmean(np.concatenate(norms) ** 2))) if norms else float('nan')
 
 
 def _candidate(

@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-import yaml
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.calibration.calibrate import Calibration
 from aerarm_ros.calibration.fit import Fit
 from aerarm_ros.calibration.geometry import KINDS, LINK_GEOMETRY, error_transform
 from aerarm_ros.calibration.observations import MarkerSource, PlaneSource, base_pose
-from aerarm_ros.description.config_reader import read_yaml
-from aerarm_ros.description.urdf_document import CALIBRATED
+from aerarm_ros.description.config_reader import read_yaml, yaml_text
+from aerarm_ros.description.urdf_document import CALIBRATED, numbers_text
 from aerarm_ros.identification.files.identified_robot import before_root
 from aerarm_ros.motion.signals import Array
 
@@ -81,8 +80,8 @@ def _displace(joint: ET.Element, value: Array, offset: float) -> None:
         shift = pin.SE3(pin.exp3(offset * axis), np.zeros(3))
     drawn = pin.SE3(pin.rpy.rpyToMatrix(np.array(angles)), np.array(place))
     pose = drawn * error_transform(value) * shift
-    origin.set('xyz', _text(pose.translation))
-    origin.set('rpy', _text(pin.rpy.matrixToRpy(pose.rotation)))
+    origin.set('xyz', numbers_text(pose.translation))
+    origin.set('rpy', numbers_text(pin.rpy.matrixToRpy(pose.rotation)))
 
 
 def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
@@ -104,11 +103,10 @@ def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
         'eccentricity': _by_joint(calibration, ('sin', 'cos')),
         'noise': {'position': float(fit.length), 'angle': float(fit.angle)},
         'frames': frames(fit),
-        'as_drawn': _as_drawn(calibration),
+        'as_drawn': calibration.as_drawn,
         'errors': errors_summary(calibration),
     }
-    text = yaml.safe_dump(_rounded(document), sort_keys=False, default_flow_style=None, width=100)
-    return _HEADER + text
+    return _HEADER + yaml_text(_rounded(document))
 
 
 def config_yaml(calibration: Calibration, source: Path) -> str:
@@ -125,8 +123,7 @@ def config_yaml(calibration: Calibration, source: Path) -> str:
         change, _ = values.get(joint['name'], (0.0, 0.0))
         if change:
             joint['offset'] = round(float(joint['offset']) + change, 7)
-    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-    return _CONFIG_HEADER + text
+    return _CONFIG_HEADER + yaml_text(document)
 
 
 def summary(calibration: Calibration) -> dict[str, Any]:
@@ -156,10 +153,8 @@ def summary(calibration: Calibration) -> dict[str, Any]:
 
 def errors_summary(calibration: Calibration) -> dict[str, Any]:
     """Return RMS errors before and after calibration [mm], [mrad], also in held-out postures."""
-    groups = {'training': calibration.observations}
-    groups |= {held.name: held.observations for held in calibration.held_out}
     found: dict[str, Any] = {}
-    for name, observations in groups.items():
+    for name, observations in calibration.groups.items():
         before = calibration.errors(calibration.registration, observations)
         after = calibration.errors(calibration.fit, observations)
         found[name] = {
@@ -207,17 +202,6 @@ def _pose(rotation: Array, translation: Array) -> dict[str, Any]:
     }
 
 
-def _as_drawn(calibration: Calibration) -> dict[str, list[str]]:
-    """Return the names of the errors that are not estimated, grouped by the reason."""
-    names = calibration.fit.geometry.names
-    found = calibration.found
-    return {
-        'insignificant': [names[k] for k in found.columns if k not in calibration.fit.free],
-        'not_shown_by_these_postures': [names[k] for k in found.hidden],
-        'absorbed': [names[k] for k in found.absorbed],
-    }
-
-
 def _by_joint(calibration: Calibration, kinds: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for kind in kinds:
@@ -241,7 +225,3 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, list):
         return [_rounded(one) for one in value]
     return float(f'{value:.7g}') if isinstance(value, float) else value
-
-
-def _text(values: Array) -> str:
-    return ' '.join(repr(float(value)) for value in values)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, Slerp
@@ -20,9 +19,10 @@ from aerarm_ros.calibration.observations import (
     MarkerSource,
     Observations,
     base_pose,
+    cross_matrix,
 )
 from aerarm_ros.calibration.plateaus import Track, time_offset
-from aerarm_ros.description.config_reader import read_yaml
+from aerarm_ros.description.config_reader import read_yaml, yaml_text
 from aerarm_ros.motion.signals import Array
 
 GRAVITY = 9.81  # [m/s^2]
@@ -269,7 +269,7 @@ def _solved_imu(data: _ImuData, late: float) -> ImuResult:
         of_bias = data.smooth(to_world.reshape(len(to_world), 9)).reshape(-1, 3, 3)
         # A small rotation of the IMU about the body's axes: R_WB [d]x R_BI f.
         in_body = force @ rotation.T
-        cross = _cross(in_body)
+        cross = cross_matrix(in_body)
         of_turn = -data.smooth((data.rotation @ cross).reshape(len(cross), 9)).reshape(-1, 3, 3)
         gravity = np.array([0.0, 0.0, -GRAVITY]) + values[6:]
         residual = (
@@ -301,7 +301,7 @@ def _weighted_step(
     """
     expected = (data.own_rate - rate_bias) @ rotation.T
     rates = expected - data.body_rate
-    of_turn = -_cross(expected)
+    of_turn = -cross_matrix(expected)
     alike = 2.0 * np.sqrt(np.pi) * _SMOOTH * _RATE
     info, gradient = np.zeros((12, 12)), np.zeros(12)
     for residual, matrix, places in (
@@ -394,12 +394,6 @@ def _interpolated(at: Array, time: Array, values: Array) -> Array:
     return np.column_stack([np.interp(at, time, column) for column in values.T])
 
 
-def _cross(vectors: Array) -> Array:
-    zero = np.zeros(len(vectors))
-    x, y, z = vectors.T
-    return np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
-
-
 _HEADER = """\
 # Drone configuration with the calibrated pose of the arm's base (mount) or of the IMU, or both,
 # in place of the nominal pose. The comments are only in the original configuration.
@@ -421,5 +415,4 @@ def drone_yaml(source: Path, mount: FramePose | None, imu: FramePose | None) -> 
                 'position': [round(float(x), 6) for x in pose.position],
                 'rpy': [round(float(x), 6) for x in pose.rpy],
             }
-    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-    return _HEADER + text
+    return _HEADER + yaml_text(document)

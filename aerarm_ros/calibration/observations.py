@@ -8,7 +8,7 @@ to which it is attached, with derivatives.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -71,8 +71,17 @@ class Source(ABC):
         """
 
     @abstractmethod
+    def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
+        """Return the smallest squared residual for a base rotation (3, 3), and the best state."""
+
     def register(self, poses: LinkPoses) -> Array:
-        """Return the initial state (S,) of the source, from measurements and nominal poses."""
+        """Return the initial state (S,) of the source, from measurements and nominal poses.
+
+        The state begins with the base rotation (9) and translation (3).
+        """
+        if self.base_known:
+            return self._linear(poses, np.eye(3))[1]
+        return _best_start(lambda rotation: self._linear(poses, rotation))
 
     @abstractmethod
     def moved(self, state: Array, step: Array) -> Array:
@@ -90,6 +99,17 @@ class Source(ABC):
     def sigma(self, length: float, angle: float) -> Array:
         """Return the noise of each residual (K,), given that of lengths [m] and angles [rad]."""
         return np.array([length if unit == 'm' else angle for _, unit in self.channels])
+
+    def norms(self, residuals: Array, unit: str) -> dict[str, Array]:
+        """Return the vector norm (M,) of the residuals of each marker or body in one unit."""
+        groups: dict[str, list[int]] = {}
+        for k, (channel, own) in enumerate(self.channels):
+            if own == unit:
+                groups.setdefault(channel.rpartition(' ')[0], []).append(k)
+        return {
+            name: np.asarray(np.linalg.norm(residuals[:, columns], axis=1))
+            for name, columns in groups.items()
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,19 +160,12 @@ class MarkerSource(Source):
             if not self.base_known:
                 at = (poses.position + lever[:, k]) @ rotation.T
                 by_unknowns[:, k, :, :3] = np.eye(3)
-                by_unknowns[:, k, :, 3:6] = -_cross_matrix(at)
+                by_unknowns[:, k, :, 3:6] = -cross_matrix(at)
             by_unknowns[:, k, :, first + 3 * k : first + 3 * k + 3] = rotation @ poses.rotation
         shape = (count, 3 * markers, -1)
         return by_errors.reshape(shape), by_unknowns.reshape(shape)
 
-    def register(self, poses: LinkPoses) -> Array:
-        """Return initial base rotation (9), translation (3) and marker positions (3 per marker)."""
-        if self.base_known:
-            return self._linear(poses, np.eye(3))[1]
-        return _best_start(lambda rotation: self._linear(poses, rotation))
-
     def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
-        """Return the smallest squared residual for a base rotation, and the best state."""
         seen: Mask = np.asarray(np.isfinite(self.position).all(axis=2))
         rows, values = [], []
         markers = len(self.names)
@@ -242,7 +255,7 @@ class PoseSource(Source):
         if not self.base_known:
             at = (poses.position + lever) @ base.T
             by_unknowns[:, :3, :3] = np.eye(3)
-            by_unknowns[:, :3, 3:6] = -_cross_matrix(at)
+            by_unknowns[:, :3, 3:6] = -cross_matrix(at)
             by_unknowns[:, 3:, 3:6] = np.eye(3)
         turned = base @ poses.rotation
         by_unknowns[:, :3, first : first + 3] = turned
@@ -258,7 +271,7 @@ class PoseSource(Source):
         result = np.zeros((len(position), 6, 6))
         result[:, :3, :3] = -rotation
         forward = -np.einsum('mji,mj->mi', rotation, position)  # of the pose before inversion
-        result[:, :3, 3:] = -rotation @ _cross_matrix(forward)
+        result[:, :3, 3:] = -rotation @ cross_matrix(forward)
         result[:, 3:, 3:] = -rotation
         return result
 
@@ -273,12 +286,6 @@ class PoseSource(Source):
 
     def _filled(self) -> Array:
         return np.where(self.seen[:, None, None], self.rotation, np.eye(3))
-
-    def register(self, poses: LinkPoses) -> Array:
-        """Return initial rotations (9) and translations (3) of base frame and attached frame."""
-        if self.base_known:
-            return self._linear(poses, np.eye(3))[1]
-        return _best_start(lambda rotation: self._linear(poses, rotation))
 
     def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
         seen = self.seen
@@ -366,12 +373,12 @@ class PlaneSource(Source):
 
     def register(self, poses: LinkPoses) -> Array:
         """Return initial plane normal (3), plane distance (1) and contact point (3)."""
-        normals = Rotation.random(_STARTS, rng=np.random.default_rng(0)).as_matrix()[:, :, 2]
-        best = min((self._linear(poses, normal) for normal in normals), key=lambda one: one[0])
+        turns = Rotation.random(_STARTS, rng=np.random.default_rng(0)).as_matrix()
+        best = min((self._linear(poses, turn) for turn in turns), key=lambda one: one[0])
         return best[1]
 
-    def _linear(self, poses: LinkPoses, normal: Array) -> tuple[float, Array]:
-        seen = self.seen
+    def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
+        seen, normal = self.seen, rotation[:, 2]
         along = normal @ poses.rotation[seen]
         matrix = np.hstack([along, -np.ones((len(along), 1))])
         value = -poses.position[seen] @ normal
@@ -463,9 +470,8 @@ def _moved_base(state: Array, step: Array) -> Array:
     return moved
 
 
-def _best_start(linear: object) -> Array:
+def _best_start(linear: Callable[[Array], tuple[float, Array]]) -> Array:
     """Return the state with the smallest residual, searched from random base rotations."""
-    assert callable(linear)
     generator = np.random.default_rng(0)
     starts = Rotation.random(_STARTS, rng=generator)
     best = min((linear(rotation) for rotation in starts.as_matrix()), key=lambda one: one[0])
@@ -484,7 +490,7 @@ def _turned(angular: Array, lever: Array) -> Array:
     return np.cross(angular, lever[:, :, None], axis=1)
 
 
-def _cross_matrix(vector: Array) -> Array:
+def cross_matrix(vector: Array) -> Array:
     """Return the matrices (M, 3, 3) of cross products with vectors (M, 3)."""
     zero = np.zeros(len(vector))
     x, y, z = vector.T

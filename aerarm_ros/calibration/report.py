@@ -21,6 +21,7 @@ from aerarm_ros.pages.html_text import (
     paragraph,
     section,
     table,
+    text_table,
 )
 from aerarm_ros.pages.plots import figure_html, plotting_script
 
@@ -102,19 +103,17 @@ def calibration_text(calibration: Calibration) -> str:
             row.append(_millimetres(calibration.errors(one.fit, held.observations)[0]))
         row[0] += ' *' if one is calibration.best else ''
         rows.append(row)
-    lines += [*_columns(rows), '(RMS distance [mm]; * is the result)', '']
+    lines += [text_table(rows), '(RMS distance [mm]; * is the result)', '']
     for name, observations in _groups(calibration).items():
         markers = calibration.marker_errors(observations)
         listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
         lines.append(f'{name}: {listed} mm{_extrapolation(calibration, observations)}')
     lines.append('')
-    fit = calibration.fit
     estimates = [
-        [name, f'{_scaled(fit, column, value):+.3f}', f'± {_scaled(fit, column, deviation):.3f}',
-         _unit(fit, column)]
-        for name, column, value, deviation in _estimates(fit)
-    ]  # fmt: skip
-    return '\n'.join([*lines, *_columns(estimates)])
+        [name, f'{value:+.3f}', f'± {deviation:.3f}', unit]
+        for name, value, deviation, unit in _estimates(calibration.fit)
+    ]
+    return '\n'.join([*lines, text_table(estimates)])
 
 
 def _extrapolation(calibration: Calibration, observations: Observations) -> str:
@@ -132,27 +131,20 @@ def _extrapolation(calibration: Calibration, observations: Observations) -> str:
     )
 
 
-def _estimates(fit: Fit) -> list[tuple[str, int, float, float]]:
-    deviations = fit.deviations
+def _estimates(fit: Fit) -> list[tuple[str, float, float, str]]:
+    """Return name, value, standard deviation and unit of each estimate, in mm, mrad and so on."""
+    names, unit = fit.geometry.names, fit.geometry.unit
     return [
-        (fit.geometry.names[column], column, float(fit.errors[column]), float(deviations[k]))
-        for k, column in enumerate(fit.free)
+        (names[k], 1e3 * float(fit.errors[k]), 1e3 * float(deviation), f'm{unit(k)}')
+        for k, deviation in zip(fit.free, fit.deviations, strict=False)
     ]
 
 
-def _scaled(fit: Fit, column: int, value: float) -> float:
-    return 1e3 * value
-
-
-def _unit(fit: Fit, column: int) -> str:
-    return f'm{fit.geometry.unit(column)}'
-
-
 def _groups(calibration: Calibration) -> Mapping[str, Observations]:
-    groups = {f'training ({len(calibration.observations)} postures)': calibration.observations}
-    for held in calibration.held_out:
-        groups[f'{held.name} ({len(held.observations)} held-out postures)'] = held.observations
-    return groups
+    return {
+        f'{name} ({len(group)} {"held-out " if number else ""}postures)': group
+        for number, (name, group) in enumerate(calibration.groups.items())
+    }
 
 
 def _error_table(calibration: Calibration) -> Html:
@@ -172,9 +164,7 @@ def _largest(fit: Fit, observations: Observations) -> float:
     """Return the largest position error after calibration [m]."""
     largest = 0.0
     for source, residual in zip(observations.sources, fit.residuals(observations), strict=True):
-        lengths = [k for k, (_, unit) in enumerate(source.channels) if unit == 'm']
-        for start in range(0, len(lengths), 3):
-            norm = np.linalg.norm(residual[:, lengths[start : start + 3]], axis=1)
+        for norm in source.norms(residual, 'm').values():
             largest = max(largest, float(np.nanmax(norm, initial=0.0)))
     return largest
 
@@ -244,11 +234,7 @@ def _candidate_table(calibration: Calibration) -> Html:
 
 
 def _estimate_table(calibration: Calibration) -> Html:
-    fit = calibration.fit
-    rows = [
-        [name, _scaled(fit, column, value), _scaled(fit, column, deviation), _unit(fit, column)]
-        for name, column, value, deviation in _estimates(fit)
-    ]
+    rows = _estimates(calibration.fit)
     if not rows:
         return paragraph('All geometric errors are insignificant: the arm matches its URDF.')
     return table(['error', 'estimate', 'standard deviation', 'unit'], rows)
@@ -266,32 +252,17 @@ def _frame_table(fit: Fit) -> Html:
 
 
 def _as_drawn(calibration: Calibration) -> Html:
-    names = calibration.fit.geometry.names
-    found = calibration.found
-    removed = [names[k] for k in found.columns if k not in calibration.fit.free]
-    groups = {
-        'Insignificant, or outside the chosen model': removed,
-        'Not determined by these postures': [names[k] for k in found.hidden],
-        'Indistinguishable from other errors': [names[k] for k in found.absorbed],
-    }
+    titles = (
+        'Insignificant, or outside the chosen model',
+        'Not determined by these postures',
+        'Indistinguishable from other errors',
+    )
     parts = [
-        paragraph(f'{title}: {", ".join(listed) or "none"}.') for title, listed in groups.items()
+        paragraph(f'{title}: {", ".join(listed) or "none"}.')
+        for title, listed in zip(titles, calibration.as_drawn.values(), strict=True)
     ]
     return Html(''.join([*parts, paragraph(_ABSORBED, 'note')]))
 
 
 def _millimetres(value: float) -> str:
     return f'{1e3 * value:.3f}' if np.isfinite(value) else '-'
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    if not rows:
-        return []
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return [
-        '  '.join(
-            cell.ljust(width) if k == 0 else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]

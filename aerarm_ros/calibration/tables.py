@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-import zipfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,13 +12,18 @@ from scipy.spatial.transform import Rotation
 
 from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.recording.table_file import table_column
+from aerarm_ros.identification.recording.table_file import (
+    column_names,
+    some_names,
+    split_unit,
+    table_column,
+    table_errors,
+)
 from aerarm_ros.motion.signals import Array
 
 LENGTH_UNITS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6}
 _ANGLE_UNITS = {'rad': 1.0, 'mrad': 1e-3, 'deg': np.pi / 180.0, '°': np.pi / 180.0}
 _LARGEST = 2**28  # bytes
-_UNIT = re.compile(r'\s*[\[(]([^\[\]()]*)[\])]\s*$')
 _AXIS = r'(?P<axis>qx|qy|qz|qw|phi[xyz]|roll|pitch|yaw|[xyz])'
 # Accepted forms: x1, qx_1, x[1]; marker1.x, tool_x, m1/qx; x alone.
 _FORMS = (
@@ -120,23 +124,10 @@ def read_postures(
     CalibrationError
         If the file cannot be read, or contains no joint or no measurements.
     """
-    try:
-        if path.stat().st_size > _LARGEST:
-            raise CalibrationError(f'{path} is larger than {_LARGEST >> 20} MB: shorten the file')
+    wrong: dict[str, str] = {}
+    with table_errors(path, _LARGEST, CalibrationError):
         is_npz = path.suffix.lower() == '.npz'
-        wrong: dict[str, str] = {}
         columns = _npz_columns(path) if is_npz else _csv_columns(path, wrong)
-    except OSError as error:
-        raise CalibrationError(
-            f'{path} cannot be read ({error.strerror or error}): check the path'
-        ) from None
-    except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
-        if isinstance(error, CalibrationError):
-            raise
-        reason = ' '.join(str(error).split())
-        raise CalibrationError(
-            f'{path} is not a table of numbers ({reason}): check the file format'
-        ) from None
     reader = _Reader(path, known_joints, length_unit, degrees, rename or {}, prismatic)
     table = reader.table(columns)
     for name, problem in wrong.items():
@@ -175,19 +166,19 @@ class _Reader:
             self._thing(thing, axes)
         if not table.joints:
             raise CalibrationError(
-                f'none of the columns of {self._path} ({_some(columns)}) is a joint of the URDF '
-                f'({_some(self._known)}): name the columns like the joints, or pass --rename '
-                'COLUMN=JOINT'
+                f'none of the columns of {self._path} ({some_names(columns)}) is a joint of the '
+                f'URDF ({some_names(self._known)}): name the columns like the joints, or pass '
+                '--rename COLUMN=JOINT'
             )
         if not table.measured and not table.contacts:
             raise CalibrationError(
-                f'{self._path} has no marker (its columns are {_some(columns)}): name marker '
+                f'{self._path} has no marker (its columns are {some_names(columns)}): name marker '
                 'columns x1, y1, z1 [m]'
             )
         return table
 
     def _joint(self, name: str, values: Array) -> bool:
-        bare, unit = _split_unit(name)
+        bare, unit = split_unit(name)
         bare = self._rename.get(bare, bare)
         if bare in self._known:
             is_length = not unit and bare in self._prismatic
@@ -257,7 +248,7 @@ class _Reader:
         return units[unit.lower()]
 
     def _place(self, name: str, values: Array) -> bool:
-        bare, unit = _split_unit(name)
+        bare, unit = split_unit(name)
         contact = _CONTACT.match(bare)
         if contact:
             plane = contact['name'] or 'plane'
@@ -306,7 +297,7 @@ class _Reader:
         rotation = _rotation(axes)
         label = thing if not thing.isdigit() else f'marker{thing}'
         used = ', '.join(column for column, _, _ in axes.values())
-        unit = _split_unit(axes['x'][0])[1] or self._length_unit
+        unit = split_unit(axes['x'][0])[1] or self._length_unit
         kind = 'marker' if rotation is None else 'pose'
         self._table.mapping.append(f'{kind} {label}: columns {used} [{unit}]')
         self._table.measured[label] = Measured(position, rotation, used)
@@ -334,15 +325,8 @@ def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
 def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
     """Return the columns of a CSV file; problems of non-numeric columns are added to `wrong`."""
     with path.open(encoding='utf-8-sig', errors='replace') as file:
-        header = file.readline().lstrip('#').strip()
-        found = [d for d in (';', '\t', ',') if d in header]
-        delimiter = found[0] if found else None
-        names = [name.strip().strip('"') for name in header.split(delimiter)]
-        if all(_is_number(name) for name in names):
-            raise CalibrationError(
-                f'the first line of {path} must name the columns, for example x1, y1, '
-                'z1, joint1, joint2'
-            )
+        example = 'x1, y1, z1, joint1, joint2'
+        names, delimiter = column_names(path, file, example, CalibrationError)
         rows = [line.rstrip('\r\n').split(delimiter) for line in file if line.strip()]
     if not rows:
         raise CalibrationError(f'{path} has no rows below its first line: add the measurements')
@@ -371,11 +355,6 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
 
 
 def _npz_columns(path: Path) -> dict[str, Array]:
-    with zipfile.ZipFile(path) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
-            raise CalibrationError(
-                f'{path} is larger than {_LARGEST >> 20} MB when unpacked: shorten the file'
-            )
     columns: dict[str, Array] = {}
     with np.load(path, allow_pickle=False) as file:
         arrays = {key: np.asarray(file[key]) for key in file.files}
@@ -404,25 +383,8 @@ def _npz_columns(path: Path) -> dict[str, Array]:
     return columns
 
 
-def _split_unit(name: str) -> tuple[str, str]:
-    stated = _UNIT.search(name)
-    if stated is None or stated[1].strip().isdigit():
-        return name.strip(), ''
-    return name[: stated.start()].strip(), stated[1].strip()
-
-
 def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
         return float('nan')
-
-
-def _is_number(text: str) -> bool:
-    return bool(np.isfinite(_number(text)))
-
-
-def _some(names: Collection[str] | Sequence[str]) -> str:
-    shown = list(names)[:12]
-    more = len(names) - len(shown)
-    return ', '.join(shown) + (f' and {more} more' if more > 0 else '') or 'none'

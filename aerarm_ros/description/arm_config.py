@@ -16,6 +16,7 @@ from aerarm_ros.description.config_reader import (
     check_keys,
     check_name,
     check_range,
+    check_vector,
     load,
     section,
 )
@@ -118,7 +119,6 @@ __all__ = [
     'PowerStageConfig',
     'load_arm_config',
     'torque_constant',
-    'torque_constant',
 ]
 
 
@@ -176,7 +176,7 @@ class ArmConfig:
         _check_unique('boards', 'name', (board.name for board in self.boards))
         _check_unique('boards', 'device', (board.device for board in self.boards))
         self._check_channels()
-        self._check_gravity()
+        check_vector('arm', 'gravity_in_base', self.gravity_in_base, 20.0, 'm/s^2')
         self._check_rest_position()
         self._check_coupled_joints()
         self._check_rated_payload()
@@ -249,14 +249,6 @@ class ArmConfig:
                     'them'
                 )
             taken[place] = joint.name
-
-    def _check_gravity(self) -> None:
-        if len(self.gravity_in_base) != 3:
-            raise ConfigError(
-                f'arm: gravity_in_base = {self.gravity_in_base} needs x, y and z [m/s^2]'
-            )
-        for value in self.gravity_in_base:
-            check_range('arm', 'gravity_in_base', value, -20.0, 20.0, 'm/s^2')
 
     def _check_rest_position(self) -> None:
         if len(self.rest_position) != self.n:

@@ -41,6 +41,20 @@ def check_range(owner: str, key: str, value: float, low: float, high: float, uni
         )
 
 
+def check_vector(owner: str, key: str, values: tuple[float, ...], bound: float, unit: str) -> None:
+    """Check that a value consists of three finite numbers within +-`bound`.
+
+    Raises
+    ------
+    ConfigError
+        If the check fails.
+    """
+    if len(values) != 3:
+        raise ConfigError(f'{owner}: {key} = {list(values)} needs x, y and z')
+    for value in values:
+        check_range(owner, key, value, -bound, bound, unit)
+
+
 def check_choice(owner: str, key: str, value: object, choices: tuple[object, ...]) -> None:
     """Check that `value` is one of `choices`.
 
@@ -195,6 +209,12 @@ Config = TypeVar('Config')
 
 _FRACTION = re.compile(r'([-+]?\d{1,15})/(\d{1,15})')
 _LONGEST_SHOWN = 100  # characters of an invalid value that a message shows
+
+
+def yaml_text(document: dict[str, Any]) -> str:
+    """Return a mapping as YAML text, with lists of numbers in single lines."""
+    text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+    return text
 
 
 def read_yaml(path: Path) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from aerarm_ros.description.config_reader import (
     check_keys,
     check_name,
     check_range,
+    check_vector,
     load,
     section,
 )
@@ -21,20 +22,6 @@ from aerarm_ros.motion.signals import Array
 
 _LENGTH_BOUND = 5.0  # [m]; a larger position is probably in millimetres
 _ANGLE_BOUND = 6.3  # [rad]; a larger angle is probably in degrees
-
-
-def check_vector(owner: str, key: str, values: tuple[float, ...], bound: float, unit: str) -> None:
-    """Check that a value consists of three finite numbers within +-`bound`.
-
-    Raises
-    ------
-    ConfigError
-        If the check fails.
-    """
-    if len(values) != 3:
-        raise ConfigError(f'{owner}: {key} = {list(values)} needs x, y and z')
-    for value in values:
-        check_range(owner, key, value, -bound, bound, unit)
 
 
 def check_position(owner: str, key: str, values: tuple[float, ...]) -> None:

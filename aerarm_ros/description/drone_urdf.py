@@ -7,6 +7,7 @@ import numpy as np
 
 from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.drone_config import DroneConfig, PoseConfig
+from aerarm_ros.description.urdf_document import numbers_text
 
 BODY_LINK, IMU_LINK = 'drone', 'drone_imu'
 
@@ -72,7 +73,7 @@ def _add_body(root: ET.Element, name: str, drone: DroneConfig) -> None:
     ET.SubElement(inertial, 'inertia', values)
     for kind in ('visual', 'collision'):
         shape = ET.SubElement(link, kind, name=f'drone_body_{kind}')
-        ET.SubElement(ET.SubElement(shape, 'geometry'), 'box', size=_text(drone.size))
+        ET.SubElement(ET.SubElement(shape, 'geometry'), 'box', size=numbers_text(drone.size))
         if kind == 'visual':
             ET.SubElement(shape, 'material', name='drone_body')
     for rotor in drone.rotors:
@@ -114,8 +115,4 @@ def _fix(root: ET.Element, name: str, links: tuple[str, str], pose: PoseConfig) 
 def _origin(
     owner: ET.Element, xyz: Sequence[float], rpy: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> None:
-    ET.SubElement(owner, 'origin', xyz=_text(xyz), rpy=_text(rpy))
-
-
-def _text(values: Sequence[float]) -> str:
-    return ' '.join(repr(float(value)) for value in values)
+    ET.SubElement(owner, 'origin', xyz=numbers_text(xyz), rpy=numbers_text(rpy))

@@ -8,6 +8,9 @@ import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from aerarm_ros.description.config_reader import DescriptionError
 
 LOAD_FRICTION = 'load_friction'
@@ -209,6 +212,11 @@ class UrdfDocument:
             load_friction=_number(dynamics, LOAD_FRICTION, f'{owner}, <dynamics>'),
             has_limit=limit is not None,
         )
+
+
+def numbers_text(values: npt.ArrayLike) -> str:
+    """Return numbers as XML text in full precision."""
+    return ' '.join(repr(float(value)) for value in np.ravel(values))
 
 
 def _parsed(text: str) -> ET.Element:

@@ -131,6 +131,7 @@ class EnergyBalance:
 
 
 _STEP = 2e-3  # [s]
+_FRICTION_WIDTH = 0.02  # [rad/s] at which dry friction reaches three quarters of its value
 
 
 class EnergyModel:
@@ -147,8 +148,6 @@ class EnergyModel:
         Rotor inertia at the joints [kg m^2]; by default from the configuration.
     load_friction : float or (n,) array_like, optional
         Dry friction per torque transmitted by a gear [-]; by default the robot's.
-    friction_width : float
-        Velocity at which dry friction reaches three quarters of its value [rad/s].
 
     Attributes
     ----------
@@ -169,7 +168,6 @@ class EnergyModel:
         robot: Robot,
         rotor_inertia: npt.ArrayLike | None = None,
         load_friction: npt.ArrayLike | None = None,
-        friction_width: float = 0.02,
     ) -> None:
         self.n = robot.n
         self.config = config
@@ -180,7 +178,7 @@ class EnergyModel:
         unstated = (robot.viscous == 0.0) & (robot.coulomb == 0.0)
         self._viscous = np.where(unstated, config.column('viscous'), robot.viscous)
         self._coulomb = np.where(unstated, config.column('coulomb'), robot.coulomb)
-        self.friction = self.friction_of_width(friction_width)
+        self.friction = self.friction_of_width(_FRICTION_WIDTH)
 
     def carry(self, payload: npt.ArrayLike) -> None:
         """Add a payload to the last link, see `Dynamics.carry`."""
@@ -298,19 +296,19 @@ class HoldingLoss:
 LONGEST_GAP = 0.1  # [s] largest time between consecutive states
 
 
+# Averaging time of torque and velocity [s], minus half a millisecond for the jitter of the states.
+# The noise of single velocities dominates the computed dry friction near rest, so 10 ms are better
+# than 1 ms.
+_PERIOD = 0.01 - 0.5e-3
+
+
 class BalanceMeter:
     """Energy balance of an arm, accumulated from its states.
 
-    A published torque is the mean since the previous state. For each `period` the meter uses the
-    mean of these torques, the mean of the velocities at both ends of the period, and the
+    A published torque is the mean since the previous state. For each period of 10 ms the meter
+    uses the mean of these torques, the mean of the velocities at both ends of the period, and the
     acceleration from the difference of both velocities. The work into the motion thus equals the
-    change of kinetic energy, and the noise single velocities does not add up.
-
-    Parameters
-    ----------
-    period : float
-        Averaging time of torque and velocity [s]. The noise of single velocities dominates the
-        computed dry friction near rest, so 10 ms are better than 1 ms.
+    change of kinetic energy, and the noise of single velocities does not add up.
 
     Attributes
     ----------
@@ -320,9 +318,8 @@ class BalanceMeter:
         Number of excluded intervals, in which states or torques were missing.
     """
 
-    def __init__(self, model: EnergyModel, period: float = 0.01) -> None:
+    def __init__(self, model: EnergyModel) -> None:
         self._model = model
-        self._period = period - 0.5e-3  # tolerates jitter of the states
         self.total = EnergyBalance.nothing(model.n)
         self.gaps = 0
         self._begin: tuple[float, ArmState] | None = None
@@ -348,7 +345,7 @@ class BalanceMeter:
         dt, self._last = time - self._last, time
         self._impulse += dt * state.tau
         self._square += dt * state.tau**2
-        if time - self._begin[0] < self._period:
+        if time - self._begin[0] < _PERIOD:
             return False
         self._close(time, state)
         return True

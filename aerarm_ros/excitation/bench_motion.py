@@ -63,8 +63,8 @@ class BenchPlan:
     speeds : positive joint speeds of the velocity steps [rad/s].
     span : travel of a joint during velocity steps and acceleration runs, centred at the posture
         [rad].
-    velocity_share, acceleration_share : fraction of the limits used by acceleration runs; the ramps
-        of velocity steps use the same acceleration.
+    acceleration_share : fraction of the acceleration limits used by acceleration runs and by the
+        ramps of velocity steps.
     runs : number of acceleration runs per joint, each in both directions; 0 for none.
     swings : number of sine oscillations per joint about the posture, to measure backlash; 0 for
         none.
@@ -79,7 +79,6 @@ class BenchPlan:
 
     speeds: tuple[float, ...] = (0.2, 0.4, 0.8, 1.2, 1.6, 2.0)
     span: float = 1.6
-    velocity_share: float = 0.6
     acceleration_share: float = 0.5
     runs: int = 3
     swings: int = 0
@@ -103,6 +102,7 @@ class BenchPlan:
 # fraction of the velocity and acceleration limits used by motions between measurements
 _TRANSFER_SHARE = 0.2
 _SHORTEST_TRANSFER = 0.5  # [s]
+_VELOCITY_SHARE = 0.6  # fraction of the velocity limits used by acceleration runs and oscillations
 # [s] time at constant speed before a measurement, in which the velocity loop settles
 _SETTLE = 0.1
 _SHORTEST_STEADY = 0.15  # [s] shortest measurement at constant speed
@@ -208,7 +208,7 @@ class BenchMotion:
         plan, limits = self._plan, self._limits
         duration = rest_to_rest_duration(
             end - self._at,
-            plan.velocity_share * limits.velocity,
+            _VELOCITY_SHARE * limits.velocity,
             plan.acceleration_share * limits.acceleration,
             minimum=0.1,
         )
@@ -216,7 +216,7 @@ class BenchMotion:
 
     def _swing(self, joint: int, name: str) -> None:
         plan, limits = self._plan, self._limits
-        fastest = plan.velocity_share * limits.velocity[joint] / plan.amplitude
+        fastest = _VELOCITY_SHARE * limits.velocity[joint] / plan.amplitude
         hardest = plan.acceleration_share * limits.acceleration[joint] / plan.amplitude
         frequency = float(min(fastest, np.sqrt(hardest))) / (2.0 * np.pi)
         sine = np.zeros((len(self._posture), 1))

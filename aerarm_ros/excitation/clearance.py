@@ -516,8 +516,8 @@ class ClearanceChecker:
         return {kind: self._clearance(found) for kind, found in worst.items()}
 
     @staticmethod
-    def _initial_intervals(samples: int, length: int = 64) -> list[tuple[int, int]]:
-        edges = [*range(0, max(samples - 1, 1), length), samples - 1]
+    def _initial_intervals(samples: int) -> list[tuple[int, int]]:
+        edges = [*range(0, max(samples - 1, 1), 64), samples - 1]
         return list(zip(edges, edges[1:], strict=False)) or [(0, 0)]
 
     def _clearance(self, worst: _Worst) -> Clearance:

@@ -14,6 +14,10 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array, JointReference
 
+# random states of the numerical rank, several times the number of columns per joint
+_STATES = 400
+_SHARPNESS = 20.0  # of the penalty of a bounded criterion
+
 
 class SmoothRegressor:
     """Torque regressor of links, viscous friction, smoothed Coulomb friction and rotor inertia.
@@ -96,7 +100,7 @@ class IdentifiableSpace:
 
     @classmethod
     def of_regressor(
-        cls, robot: Robot, regressor: SmoothRegressor, columns: slice, samples: int = 400
+        cls, robot: Robot, regressor: SmoothRegressor, columns: slice
     ) -> IdentifiableSpace:
         """Compute the identifiable space numerically, from random states.
 
@@ -105,12 +109,11 @@ class IdentifiableSpace:
         robot : robot whose position limits bound the random states.
         regressor : regressor of the arm.
         columns : columns to identify.
-        samples : number of random states; several times the number of columns per joint.
         """
         generator = np.random.default_rng(0)
         low = np.maximum(robot.position_min, -np.pi)
         high = np.minimum(robot.position_max, np.pi)
-        size = (samples, robot.n)
+        size = (_STATES, robot.n)
         states = JointReference(
             generator.uniform(low, high, size),
             generator.normal(0.0, 2.0, size),
@@ -155,27 +158,25 @@ def information(stacked: Array) -> Array:
 class BoundedCriterion:
     """Smooth penalty that acts if another criterion exceeds a limit.
 
-    The penalty log(1 + exp(s (value - limit))) / s is almost zero below the limit and rises with
-    slope one above the limit.
+    The penalty log(1 + exp(s (value - limit))) / s, with s = 20, is almost zero below the limit and
+    rises with slope one above the limit.
 
     Parameters
     ----------
     criterion : criterion to keep below the limit.
     limit : value of the criterion above which the penalty acts.
-    sharpness : parameter s.
     """
 
-    def __init__(self, criterion: DesignCriterion, limit: float, sharpness: float = 20.0) -> None:
+    def __init__(self, criterion: DesignCriterion, limit: float) -> None:
         self._criterion = criterion
         self._limit = limit
-        self._sharpness = sharpness
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
         """Return the value and derivative of the criterion, see `DesignCriterion`."""
         value, gradient = self._criterion.evaluate(stacked)
-        excess = self._sharpness * (value - self._limit)
+        excess = _SHARPNESS * (value - self._limit)
         slope = float(np.exp(-np.logaddexp(0.0, -excess)))
-        return float(np.logaddexp(0.0, excess)) / self._sharpness, slope * gradient
+        return float(np.logaddexp(0.0, excess)) / _SHARPNESS, slope * gradient
 
 
 class CombinedCriterion:

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from aerarm_ros.description.config_reader import ConfigError, build, read_yaml
+from aerarm_ros.description.config_reader import ConfigError, build, read_yaml, yaml_text
 from aerarm_ros.description.resources import write_whole
 from aerarm_ros.excitation.feasibility import FeasibilityReport
 from aerarm_ros.excitation.settings import ExcitationError
@@ -103,7 +102,7 @@ class TrajectoryFile:
             '# Fourier series of each joint, thesis (3.16): bias + sine_k sin(k w0 t) + cosine_k '
             'cos(k w0 t).\n'
             '# Units: Hz, rad. Run `excitation` to play the trajectory.\n'
-        ) + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+        ) + yaml_text(document)
         write_design(path, text)
 
     @classmethod

@@ -13,6 +13,14 @@ from aerarm_ros.excitation.settings import MotionLimits
 from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 from aerarm_ros.motion.signals import Array, JointReference
 
+_SAMPLES = 40  # per period of the highest harmonic
+# Distance [m] added to the required clearance, because links may be closer between samples.
+_PAD = 0.003
+# of the log-sum-exp of constraints; the largest of M samples is overestimated by at most
+# log(M) / sharpness
+_SHARPNESS = 100.0
+_CANDIDATES = 12  # steps of the optimizer to check
+
 
 class StateBasis:
     """Linear map from a coefficient matrix to the states of one period with run-in and run-out.
@@ -27,17 +35,9 @@ class StateBasis:
     harmonics : number of harmonics N.
     n : number of joints.
     ramp_time : duration of run-in and run-out [s].
-    samples_per_oscillation : samples per period of the highest harmonic.
     """
 
-    def __init__(
-        self,
-        fundamental: float,
-        harmonics: int,
-        n: int,
-        ramp_time: float,
-        samples_per_oscillation: int = 40,
-    ) -> None:
+    def __init__(self, fundamental: float, harmonics: int, n: int, ramp_time: float) -> None:
         self.fundamental = fundamental
         self.harmonics = harmonics
         self.n = n
@@ -46,8 +46,8 @@ class StateBasis:
         sine, cosine = slice(1, 1 + harmonics), slice(1 + harmonics, rows)
         unit = FourierTrajectory(fundamental, identity[0], identity[:, sine], identity[:, cosine])
         played = RampedExcitation(unit, 1, ramp_time)
-        step = 1.0 / (fundamental * harmonics * samples_per_oscillation)
-        self.period_samples = harmonics * samples_per_oscillation
+        step = 1.0 / (fundamental * harmonics * _SAMPLES)
+        self.period_samples = harmonics * _SAMPLES
         """Number of samples of the period; the samples of the ramps follow."""
         ramp = np.linspace(0.0, ramp_time, max(int(ramp_time / step), 2))
         self.times: Array = np.concatenate(
@@ -105,22 +105,13 @@ class DesignConstraints:
     limits : limits of position, velocity and acceleration.
     effort : (n,) torque limit [Nm], including the limit of motor current.
     clearance : distances to keep; None ignores collisions.
-    pad : distance [m] added to the required clearance, because links may be closer between
-        samples.
-    sharpness : parameter of the log-sum-exp; the largest sample is overestimated by at most
-        log(M) / sharpness.
     """
 
     _CLEARANCE_SCALE = 0.1
     """Distance [m] that counts as much as the full range of a joint limit."""
 
     def __init__(
-        self,
-        limits: MotionLimits,
-        effort: Array,
-        clearance: ClearanceChecker | None,
-        pad: float = 0.003,
-        sharpness: float = 100.0,
+        self, limits: MotionLimits, effort: Array, clearance: ClearanceChecker | None
     ) -> None:
         low, high = limits.position_min, limits.position_max
         bounded = np.isfinite(low) & np.isfinite(high)
@@ -131,8 +122,6 @@ class DesignConstraints:
         self.active = np.append(finite, [True] * (clearance is not None))
         """Mask of the active constraints; an infinite limit has no constraint."""
         self._clearance = clearance
-        self._pad = pad
-        self._sharpness = sharpness
 
     def values(self, states: JointReference, effort: Array, period: int) -> Array:
         """Return the constraint values, (4 n,) or (4 n + 1,), all >= 0 for a feasible motion.
@@ -161,7 +150,7 @@ class DesignConstraints:
         clearance : derivative (M, n) of the last constraint with respect to the positions, or None.
         """
         joint = [
-            -2.0 * ratio / scale * scipy.special.softmax(self._sharpness * ratio**2, axis=0)
+            -2.0 * ratio / scale * scipy.special.softmax(_SHARPNESS * ratio**2, axis=0)
             for ratio, scale in zip(self._ratios(states, effort), self._scales, strict=True)
         ]
         if self._clearance is None:
@@ -175,19 +164,17 @@ class DesignConstraints:
         return [values / scale for values, scale in zip(quantities, self._scales, strict=True)]
 
     def _join(self, values: Array) -> Array:
-        return np.asarray(
-            scipy.special.logsumexp(self._sharpness * values, axis=0) / self._sharpness
-        )
+        return np.asarray(scipy.special.logsumexp(_SHARPNESS * values, axis=0) / _SHARPNESS)
 
     def _shortfall(self, positions: Array) -> Array:
         """Return the scaled missing distance of each posture, (M,); positive if violated."""
         assert self._clearance is not None
         margins = np.array([self._clearance.margin(q) for q in positions])
-        return (self._pad - margins) / self._CLEARANCE_SCALE
+        return (_PAD - margins) / self._CLEARANCE_SCALE
 
     def _clearance_gradient(self, positions: Array) -> Array:
         assert self._clearance is not None
-        weights = scipy.special.softmax(self._sharpness * self._shortfall(positions))
+        weights = scipy.special.softmax(_SHARPNESS * self._shortfall(positions))
         gradient = np.zeros_like(positions)
         # Most postures are far from any obstacle and have no weight in the log-sum-exp.
         for sample in np.flatnonzero(weights > 1e-6):
@@ -226,14 +213,14 @@ class FeasibleIterates:
         if constraints.min(initial=0.0) >= -self._TOLERANCE:
             self._seen.append((value, self._count, self.last))
 
-    def best(self, number: int = 12) -> list[tuple[Array, int]]:
-        """Return up to `number` stored steps, the best first, each with its number.
+    def best(self) -> list[tuple[Array, int]]:
+        """Return up to 12 stored steps, the best first, each with its number.
 
         Iterates near an optimum often violate the same limit, so the selection is spread over all
         iterates: the best iterate, then those with exactly 1, 2, 4, 8 and so on better iterates.
         """
         ranked = sorted(self._seen, key=lambda item: item[:2])
-        chosen = [0, *(2**i for i in range(number - 1))]
+        chosen = [0, *(2**i for i in range(_CANDIDATES - 1))]
         return [(ranked[i][2], ranked[i][1]) for i in chosen if i < len(ranked)]
 
 

@@ -147,10 +147,6 @@ Slowdown = Callable[[JointMotion], float]
 """Function that returns the factor, 1 or more, by which a motion must be slowed down."""
 
 
-def _unslowed(_: JointMotion) -> float:
-    return 1.0
-
-
 class ExcitationPlanner:
     """Planner of motions to a trajectory, along it, and back; it checks the complete motion.
 
@@ -197,7 +193,7 @@ class ExcitationPlanner:
         periods: int,
         start: Array,
         go_back: bool = True,
-        slowdown: Slowdown = _unslowed,
+        slowdown: Slowdown = lambda _: 1.0,
     ) -> MotionSequence:
         """Return a motion from rest at `start` through `periods` periods of the trajectory to rest.
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.clearance import Clearance, ClearanceChecker
-from aerarm_ros.excitation.settings import ExcitationError, InfeasibleError, MotionLimits
+from aerarm_ros.excitation.settings import InfeasibleError, MotionLimits
 from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.regressor import viscous_coulomb
@@ -313,16 +313,12 @@ class FeasibilityChecker:
     clearance : distances to keep; None skips collision checks.
     effort_model : torque model with nominal parameters; None skips the torque and current checks.
     highest_frequency : largest allowed frequency of a harmonic [Hz], below resonances of the arm.
-    cycle : control cycle [s].
     stops : limits of a stop, used to check that the arm may rest at any point of the motion; None
         skips this check.
-
-    Raises
-    ------
-    ExcitationError
-        If the cycle is too slow for the highest frequency (Nyquist, thesis 3.4.2).
     """
 
+    CYCLE = 1e-3
+    """Control cycle [s]."""
     _GLANCE = 25
     """Number of control cycles between two samples of the first, coarse check."""
 
@@ -332,19 +328,12 @@ class FeasibilityChecker:
         clearance: ClearanceChecker | None = None,
         effort_model: EffortModel | None = None,
         highest_frequency: float = 2.0,
-        cycle: float = 1e-3,
         stops: StopLimits | None = None,
     ) -> None:
-        if not 0.0 < highest_frequency < 0.5 / cycle:
-            raise ExcitationError(
-                f'the highest frequency must lie between 0 and half the control rate '
-                f'({0.5 / cycle:g} Hz), got {highest_frequency} Hz'
-            )
         self.highest_frequency = highest_frequency
         self.limits = limits
         self.clearance = clearance
         self.effort_model = effort_model
-        self.cycle = cycle
         self._stops = stops
 
     def check_trajectory(
@@ -373,7 +362,7 @@ class FeasibilityChecker:
         motion : motion to check, from 0 to its duration.
         stop_early : whether to check a few samples first, and to skip the rest after a violation.
         """
-        cycles = int(np.ceil(motion.duration / self.cycle))
+        cycles = int(np.ceil(motion.duration / self.CYCLE))
         times = np.linspace(0.0, motion.duration, cycles + 1)
         if stop_early:
             coarse = times[:: self._GLANCE]

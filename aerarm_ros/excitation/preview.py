@@ -136,16 +136,15 @@ class ArmAnimation:
             path.append(self._data.oMf[self._tool].translation.copy())
         return np.array(path)
 
-    def figure(self, times: Array, positions: Array, frames: int = 56) -> go.Figure:
+    def figure(self, times: Array, positions: Array) -> go.Figure:
         """Return the animation as a Plotly figure.
 
         Parameters
         ----------
         times : (M,) times [s].
         positions : (M, n) postures [rad].
-        frames : number of frames of the animation.
         """
-        shown = np.unique(np.linspace(0, len(times) - 1, frames).astype(int))
+        shown = np.unique(np.linspace(0, len(times) - 1, _FRAMES).astype(int))
         path = self.tool_path(positions)
         line = go.Scatter3d(
             x=path[:, 0], y=path[:, 1], z=path[:, 2], mode='lines',
@@ -246,6 +245,7 @@ def _slider(names: list[str]) -> dict[str, object]:
 
 
 _STEP = 0.02
+_FRAMES = 56  # of the animation
 _LINE_COLOURS = ('#1f77b4', '#d9722e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2', '#17becf')
 
 

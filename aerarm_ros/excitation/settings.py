@@ -152,15 +152,7 @@ class MotionLimits:
         position : fraction of each joint's range, about its middle.
         velocity : fraction of velocity and acceleration.
         effort : fraction of torque and current.
-
-        Raises
-        ------
-        ExcitationError
-            If a fraction is not in (0, 1].
         """
-        for name, share in (('position', position), ('velocity', velocity), ('effort', effort)):
-            if not 0.0 < share <= 1.0:
-                raise ExcitationError(f'usable fraction of {name} must be in (0, 1], got {share}')
         slack = (1.0 - position) * 0.5 * (self.position_max - self.position_min)
         slack = np.where(np.isfinite(slack), slack, 0.0)
         return MotionLimits(

@@ -145,7 +145,7 @@ class DesignSpecification:
     def _require_frequency(self) -> None:
         checker, highest = self.setup.checker, self.harmonics * self.fundamental
         limits = {
-            'half the control rate': 0.5 / checker.cycle,
+            'half the control rate': 0.5 / checker.CYCLE,
             'highest_frequency of the excitation configuration': checker.highest_frequency,
         }
         for name, limit in limits.items():

@@ -31,7 +31,15 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport, mou
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import ArmState, Array, JointReference
-from aerarm_ros.pages.html_text import Html, origin, page, paragraph, section, table
+from aerarm_ros.pages.html_text import (
+    Html,
+    origin,
+    page,
+    paragraph,
+    section,
+    table,
+    text_table,
+)
 from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 from aerarm_ros.parallel import run_in_order
 from aerarm_ros.simulation.arm_plant import PlantParameters
@@ -325,9 +333,7 @@ class ExperimentReport:
 
     def text(self) -> str:
         """Return the table of tracking errors as text for a terminal."""
-        rows = [HEADINGS, *self._rows]
-        widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
-        return '\n'.join(_aligned(row, widths) for row in rows)
+        return text_table([HEADINGS, *self._rows])
 
     def write(self, path: Path, note: str) -> None:
         """Write the HTML page, which opens offline."""
@@ -390,14 +396,6 @@ class ExperimentReport:
 
     def _path(self, q: Sequence[Array] | Array) -> Array:
         return np.array([self._kinematics.position(row) for row in q])
-
-
-def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
-    first, *others = (
-        cell.ljust(width) if index == 0 else cell.rjust(width)
-        for index, (cell, width) in enumerate(zip(row, widths, strict=True))
-    )
-    return '  '.join([first, *others])
 
 
 def _numbers(row: Sequence[str]) -> list[str | float]:

@@ -299,7 +299,6 @@ def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, E
     return balances
 
 
-MILLIMETRE = 1e-3  # [m]
 _MOST = 300  # largest number of samples used
 
 
@@ -308,21 +307,17 @@ def is_calibrated(robot: Robot) -> bool:
     return CALIBRATED in robot.urdf_text
 
 
-def torque_error_per_length(
-    robot: Robot, q: Array, dq: Array, ddq: Array, length: float = MILLIMETRE
-) -> float:
-    """Return the relative torque error [%] caused by displaced joints.
+def torque_error_per_millimetre(robot: Robot, q: Array, dq: Array, ddq: Array) -> float:
+    """Return the relative torque error [%] caused by joints that are displaced by 1 mm.
 
-    Each joint except the first is displaced by `length` along each axis of its parent link. The
-    errors are independent, so their squares add up. The inertial parameters stay unchanged,
-    although an identification would absorb a part of the error.
+    Each joint except the first is displaced along each axis of its parent link. The errors are
+    independent, so their squares add up. The inertial parameters stay unchanged, although an
+    identification would absorb a part of the error.
 
     Parameters
     ----------
     q, dq, ddq : (M, n) ndarray
         Joint motion [rad], [rad/s], [rad/s^2].
-    length : float
-        Displacement [m].
     """
     step = max(1, len(q) // _MOST)
     motion = list(zip(q[::step], dq[::step], ddq[::step], strict=True))
@@ -334,7 +329,7 @@ def torque_error_per_length(
     for joint in range(2, robot.model.njoints):
         for axis in np.eye(3):
             model = robot.model.copy()
-            shift = pin.SE3(np.eye(3), length * axis)
+            shift = pin.SE3(np.eye(3), 1e-3 * axis)
             model.jointPlacements[joint] = shift * model.jointPlacements[joint]
             squares += float(np.sum((_torques(model, motion) - nominal) ** 2))
     return 100.0 * float(np.sqrt(squares / total))
@@ -347,7 +342,7 @@ def geometry_text(result: IdentificationResult) -> str:
         return 'The geometry of the URDF is calibrated.'
     samples = result.identification[0].samples
     identified = robot.with_inertial_parameters(result.recommended.estimate.inertial)
-    cost = torque_error_per_length(identified, samples.q, samples.dq, samples.ddq)
+    cost = torque_error_per_millimetre(identified, samples.q, samples.dq, samples.ddq)
     return (
         'The geometry of the URDF was not calibrated. An error of 1 mm per axis at each joint '
         f'changes the torque of the links by {cost:.2g} %; the identification absorbs a part of '

@@ -305,15 +305,21 @@ def identify(
         warnings = [text for bag in (*identification, *validation) for text in bag.warnings]
         warnings += conditioner.warnings + excitation_warnings(thesis_base, level)
     with stopwatch.stage('assessment'):
-        solutions = _assessed(estimates, bags, held_out)
+        solutions = {
+            name: Solution(estimate, assess(estimate, bags), assess(estimate, held_out))
+            for name, estimate in estimates.items()
+        }
+        recommended, names = solutions[RECOMMENDED], fit.model.joint_names
         errors = find_input_errors(level.robot, motion.level_bags, cad)
         warnings += [error.warning for error in errors]
-        warnings += _result_warnings(solutions, fit, bags, cad) + held
+        warnings += recommended.estimate.notes
+        warnings += error_warnings(solutions, bags, cad, names)
+        warnings += joint_warnings(recommended, names) + held
         if not errors:
-            warnings += coupling_warnings(solutions[RECOMMENDED], bags, fit.model.joint_names)
-        pairs = zip(bags, solutions[RECOMMENDED].identification, strict=True)
+            warnings += coupling_warnings(recommended, bags, names)
+        pairs = zip(bags, recommended.identification, strict=True)
         trends = [residual_trend(*pair) for pair in pairs]
-        warnings += trend_warnings(trends, fit.model.joint_names)
+        warnings += trend_warnings(trends, names)
         demands = [[bag_demand(fit, bags, bag) for bag in group] for group in (bags, held_out)]
         warnings += extrapolation_warnings(fit, *demands)
     with stopwatch.stage('residual'):
@@ -422,17 +428,6 @@ def _rollouts(
     return errors
 
 
-def _assessed(
-    estimates: Mapping[str, Estimate],
-    bags: Sequence[SampleColumns],
-    held_out: Sequence[SampleColumns],
-) -> dict[str, Solution]:
-    return {
-        name: Solution(estimate, assess(estimate, bags), assess(estimate, held_out))
-        for name, estimate in estimates.items()
-    }
-
-
 def _solved(
     fit: ModelFit,
     cad: ArmParameters,
@@ -454,18 +449,6 @@ def _solved(
     else:
         estimates = solve_all(fit, cad, bags, *how)
     return fit, estimates, left_out, warnings
-
-
-def _result_warnings(
-    solutions: dict[str, Solution], fit: ModelFit, bags: list[SampleColumns], cad: ArmParameters
-) -> list[str]:
-    """Return the warnings of the solvers, and warnings about implausible results and input."""
-    recommended = solutions[RECOMMENDED]
-    return [
-        *recommended.estimate.notes,
-        *error_warnings(solutions, bags, cad, fit.model.joint_names),
-        *joint_warnings(recommended, fit.model.joint_names),
-    ]
 
 
 def _bases(

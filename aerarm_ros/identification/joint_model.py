@@ -26,31 +26,19 @@ class TermKind(Enum):
     COUPLED_INERTIA = 'ca'
 
 
-_UNITS = {
-    TermKind.VISCOUS: 'Nms/rad',
-    TermKind.COULOMB: 'Nm',
-    TermKind.ROTOR: 'kg m^2',
-    TermKind.OFFSET: 'Nm',
-    TermKind.LOAD: '-',
-    TermKind.CREEP: 'Nm',
-    TermKind.STRIBECK: 'Nm',
-    TermKind.FORWARD: 'Nm',
-    TermKind.BACKWARD: 'Nm',
-    TermKind.COUPLED_VISCOUS: 'Nms/rad',
-    TermKind.COUPLED_INERTIA: 'kg m^2',
-}
-_MEANINGS = {
-    TermKind.VISCOUS: 'viscous friction',
-    TermKind.COULOMB: 'Coulomb friction',
-    TermKind.ROTOR: 'rotor inertia at the joint',
-    TermKind.OFFSET: 'offset',
-    TermKind.LOAD: 'friction per torque on the links',
-    TermKind.CREEP: 'saturating viscous friction',
-    TermKind.STRIBECK: 'friction at low speed only (Stribeck)',
-    TermKind.FORWARD: 'Coulomb friction in positive direction only',
-    TermKind.BACKWARD: 'Coulomb friction in negative direction only',
-    TermKind.COUPLED_VISCOUS: 'torque per velocity of',
-    TermKind.COUPLED_INERTIA: 'torque per acceleration of',
+# Unit and meaning of the coefficient of each kind of term.
+_COEFFICIENTS = {
+    TermKind.VISCOUS: ('Nms/rad', 'viscous friction'),
+    TermKind.COULOMB: ('Nm', 'Coulomb friction'),
+    TermKind.ROTOR: ('kg m^2', 'rotor inertia at the joint'),
+    TermKind.OFFSET: ('Nm', 'offset'),
+    TermKind.LOAD: ('-', 'friction per torque on the links'),
+    TermKind.CREEP: ('Nm', 'saturating viscous friction'),
+    TermKind.STRIBECK: ('Nm', 'friction at low speed only (Stribeck)'),
+    TermKind.FORWARD: ('Nm', 'Coulomb friction in positive direction only'),
+    TermKind.BACKWARD: ('Nm', 'Coulomb friction in negative direction only'),
+    TermKind.COUPLED_VISCOUS: ('Nms/rad', 'torque per velocity of'),
+    TermKind.COUPLED_INERTIA: ('kg m^2', 'torque per acceleration of'),
 }
 
 COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
@@ -95,12 +83,12 @@ class JointTerm:
     @property
     def unit(self) -> str:
         """Unit of the term's coefficient."""
-        return _UNITS[self.kind]
+        return _COEFFICIENTS[self.kind][0]
 
     @property
     def meaning(self) -> str:
         """Description of the term's coefficient."""
-        return _MEANINGS[self.kind]
+        return _COEFFICIENTS[self.kind][1]
 
     @property
     def nonnegative(self) -> bool:

@@ -203,15 +203,10 @@ def _weigh(
     arm: _Arm,
     bags: Sequence[SampleColumns],
     noises: Sequence[Noise | None],
-    gain_deviation: float = 0.0,
+    gain_deviation: float,
 ) -> Payload:
-    """Fit the payload once with each noise; None selects the residual noise of the previous fit."""
-    carried = np.zeros(10)
-    for noise in noises:
-        noise = noise or _noise(arm, bags, carried)
-        residual = _residual(arm, bags, carried, noise)
-        prior, limits = _about(_unconstrained(residual.system))
-        carried = solve_semidefinite(residual.system, prior, limits)
+    """Return the payload; for `noises` see `_fitted`."""
+    carried, residual, prior = _fitted(arm, bags, noises)
     payload = Payload(arm.robot.link_names[-1], carried, _covariance(arm, residual, prior))
     if payload.mass < _SIGNIFICANT * payload.std[0]:
         raise IdentificationError(_nothing(payload.mass, float(payload.std[0])))
@@ -223,6 +218,18 @@ def _weigh(
     each = (0.5 * gain_deviation) ** 2 * sum(np.outer(slope, slope) for slope in slopes)
     payload = replace(payload, covariance=payload.covariance + each)
     return payload.with_scale_deviation(gain_deviation)
+
+
+def _fitted(
+    arm: _Arm, bags: Sequence[SampleColumns], noises: Sequence[Noise | None]
+) -> tuple[Array, _Residual, Prior]:
+    """Fit the payload once with each noise; None selects the residual noise of the previous fit."""
+    carried = np.zeros(10)
+    for noise in noises:
+        residual = _residual(arm, bags, carried, noise or _noise(arm, bags, carried))
+        prior, limits = _about(_unconstrained(residual.system))
+        carried = solve_semidefinite(residual.system, prior, limits)
+    return carried, residual, prior
 
 
 def _last_link(model: JointModel) -> slice:
@@ -352,11 +359,7 @@ def calibrate_gains(
     if not (np.isfinite(mass) and mass > 0.0):
         raise IdentificationError(f'known mass {mass} kg must be positive and finite')
     arm, bags, noises = _known(robot, estimate, recordings, options)
-    carried = np.zeros(10)
-    for noise in noises:
-        residual = _residual(arm, bags, carried, noise or _noise(arm, bags, carried))
-        prior, limits = _about(_unconstrained(residual.system))
-        carried = solve_semidefinite(residual.system, prior, limits)
+    carried, residual, _ = _fitted(arm, bags, noises)
     factors = np.full(robot.n, carried[0] / mass)
     body = carried * mass / carried[0]
     wide = _WIDE * mass * np.array([*[_SIZE] * 3, *[_SIZE**2] * 6])

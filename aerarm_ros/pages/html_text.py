@@ -1,4 +1,4 @@
-"""Functions that return elements of an HTML report, such as tables."""
+"""Elements of an HTML page, from the templates in `elements.html`, and tables as text."""
 
 from __future__ import annotations
 
@@ -101,6 +101,15 @@ def table(
         for row, texts in zip(rows, shown, strict=True)
     ]
     return Html(_elements().table(head, body, best))
+
+
+def text_table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of a table as text for a terminal; only the first column is left-aligned."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = (
+        '  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
+    )
+    return '\n'.join(line.rstrip() for line in lines)
 
 
 def number(value: float | None, digits: int = 4) -> str:

@@ -301,12 +301,9 @@ class MotionPlanner:
             )
         if settings.duration and settings.objective in (ENERGY, DISTURBANCE):
             return self._of_duration(q0, q1, settings.duration)
-        price = _QUICK if settings.objective == TIME else settings.time_price + self._standby
+        standby = self._model.config.power_stage.standby
+        price = _QUICK if settings.objective == TIME else settings.time_price + standby
         return self._of_free_duration(q0, q1, price)
-
-    @property
-    def _standby(self) -> float:
-        return self._model.config.power_stage.standby
 
     def _posture(self, what: str, q: ArrayLike) -> Array:
         posture = np.array(q, dtype=float)

@@ -82,7 +82,7 @@ def test_meshes_are_bounded_together_and_in_number(tmp_path):
         file.truncate(7 * 2**20)
     with pytest.raises(DescriptionError, match='have 35 MiB in total, above the limit of 32 MiB'):
         load_shapes(arm(tmp_path, *['part.stl'] * 5), pin.GeometryType.COLLISION)
-    with pytest.raises(DescriptionError, match='names 1001 meshes, above the limit of 1000'):
+    with pytest.raises(DescriptionError, match='refers to 1001 meshes, above the limit of 1000'):
         load_shapes(arm(tmp_path, *['none.stl'] * 1001), pin.GeometryType.COLLISION)
 
 

@@ -11,7 +11,7 @@ from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     geometry_text,
     is_calibrated,
-    torque_error_per_length,
+    torque_error_per_millimetre,
 )
 
 
@@ -19,7 +19,7 @@ def test_the_cost_of_1_mm_is_that_of_random_displacements() -> None:
     robot = load_robot()
     random = np.random.default_rng(1)
     q, dq, ddq = (random.normal(size=(40, 4)) * s for s in (1.0, 1.0, 3.0))
-    expected = torque_error_per_length(robot, q, dq, ddq)
+    expected = torque_error_per_millimetre(robot, q, dq, ddq)
     nominal = np.array([pin.rnea(robot.model, robot.model.createData(), *s) for s in
                         zip(q, dq, ddq, strict=True)])  # fmt: skip
     found = []

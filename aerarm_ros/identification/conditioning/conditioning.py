@@ -324,7 +324,7 @@ class Conditioner:
         self._parts: dict[Recording, PeriodicPart | None] = {}
         self._motions: dict[tuple[Recording, int], UniformMotion] = {}
         motions = [self._motion(r, 1, _factor(r, _SEARCH_RATE)) for r in recordings]
-        velocities = [_rough_velocity(motion) for motion in motions]
+        velocities = [_slope(m) if m.dq is None else m.dq[m.window] for m in motions]
         self.harmonics: int | None = None
         self.fundamental: float | None = None
         self.warnings = [text for motion in motions for text in short_motion_warnings(motion)]
@@ -356,7 +356,9 @@ class Conditioner:
         positions = max(position_band(m.q[m.window], m.dt) for m in motions)
         least = _LEAST_PER_POSITION_BAND * positions
         lowest = max(band, least / _CUTOFF_PER_BAND)
-        self.cutoff = self._given_cutoff(positions, dt) or self._rule(lowest, dt)
+        self.cutoff = self._given_cutoff(positions, dt) or min(
+            _CUTOFF_PER_BAND * lowest, 1.0 / (_SAMPLES_PER_CUTOFF * dt)
+        )
         self.cutoffs: tuple[float, ...] = (self.cutoff,)
         if options.cutoff is None:
             self.cutoffs = _tried(self.cutoff, least, 1.0 / (_FEWEST_PER_CUTOFF * dt))
@@ -476,9 +478,6 @@ class Conditioner:
             self._motions[recording, factor] = known
         return known
 
-    def _rule(self, band: float, dt: float) -> float:
-        return min(_CUTOFF_PER_BAND * band, 1.0 / (_SAMPLES_PER_CUTOFF * dt))
-
     def _given_cutoff(self, band: float, dt: float) -> float | None:
         """Return the cut-off that the user has set, after checks; None if not set."""
         given, limit = self._options.cutoff, 0.4 / dt
@@ -553,10 +552,6 @@ def _factor(recording: Recording, rate: float) -> int:
     """Return the largest decimation factor that keeps the sampling rate at `rate` [Hz] or above."""
     # Stamps jitter, so a ratio just below a whole number counts as that number.
     return max(1, int(1.0 / (sampling_time(recording) * rate) + 1e-3))
-
-
-def _rough_velocity(motion: UniformMotion) -> Array:
-    return _slope(motion) if motion.dq is None else motion.dq[motion.window]
 
 
 def _slope(motion: UniformMotion) -> Array:

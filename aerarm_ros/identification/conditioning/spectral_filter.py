@@ -17,18 +17,17 @@ _BATCH = 1_000_000  # values filtered at once, to limit the memory
 # Samples of a part of a long signal. Its transform stays in the processor's cache, which makes it
 # three to six times as fast per sample as that of a million samples.
 _PART = 32768
+_ORDER = 4  # of a low-pass filter in each direction
 _MARGINS_PER_PART = 16  # smallest size of a part in margins, which are computed in vain
 
 
-def low_pass_gain(cutoff: float, order: int = 4) -> Callable[[Array], Array]:
+def low_pass_gain(cutoff: float) -> Callable[[Array], Array]:
     """Return the gain of a Butterworth low-pass filter that is applied forwards and backwards.
 
     Parameters
     ----------
     cutoff : float
         Frequency [Hz] at which the total gain is 1/2 (each run has 1/sqrt(2)).
-    order : int
-        Filter order of each run.
 
     Returns
     -------
@@ -37,7 +36,7 @@ def low_pass_gain(cutoff: float, order: int = 4) -> Callable[[Array], Array]:
     """
 
     def gain(frequency: Array) -> Array:
-        return np.asarray(1.0 / (1.0 + (frequency / cutoff) ** (2 * order)))
+        return np.asarray(1.0 / (1.0 + (frequency / cutoff) ** (2 * _ORDER)))
 
     return gain
 
@@ -95,6 +94,11 @@ class SpectralFilter:
         windows in the frequency domain. With it, long signals are filtered in parts that overlap by
         this time. The result is the same, with decimation to about a millionth of the signal.
 
+    Attributes
+    ----------
+    periodic : bool
+        Whether the filter treats signals as periodic.
+
     Raises
     ------
     ValueError
@@ -115,7 +119,7 @@ class SpectralFilter:
         self.count = count
         self.dt = dt
         self.decimation = decimation
-        self._periodic = settling is None
+        self.periodic = settling is None
         if settling is None:
             if count % decimation:
                 raise ValueError(f'{count} periodic samples cannot be decimated by {decimation}')
@@ -131,11 +135,6 @@ class SpectralFilter:
         frequency: Array = np.asarray(np.fft.rfftfreq(self._size, dt), dtype=float)
         self._gain = gain(frequency)
         self._omega = 2.0 * np.pi * frequency
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the filter treats signals as periodic."""
-        return self._periodic
 
     def for_count(self, count: int) -> 'SpectralFilter':
         """Return a copy of the filter for signals of `count` samples."""
@@ -173,7 +172,7 @@ class SpectralFilter:
         return result.reshape(-1, *signal.shape[1:])
 
     def _filtered(self, rows: Array, derivative: int, gain: Gain, step: int) -> Array:
-        if self._periodic:
+        if self.periodic:
             return self._apply(np.ascontiguousarray(rows), gain, step)
         slope = (rows[:, -1:] - rows[:, :1]) / (self.count - 1)
         line = rows[:, :1] + slope * np.arange(self.count)

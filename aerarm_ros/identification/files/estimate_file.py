@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
-from aerarm_ros.description.config_reader import read_yaml
+from aerarm_ros.description.config_reader import read_yaml, yaml_text
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
@@ -189,7 +188,7 @@ def estimate_yaml(
             'standard_deviations': _floats(result.base_deviations),
         }
     document = {'/**': {'ros__parameters': parameters}}
-    return _HEADER + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+    return _HEADER + yaml_text(document)
 
 
 def _friction(estimate: Estimate) -> dict[str, list[float]]:
@@ -259,8 +258,7 @@ def payload_yaml(estimate: Estimate, payload: Payload) -> str:
         },
     }
     document = {'/**': {'ros__parameters': parameters}}
-    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-    return _PAYLOAD_HEADER + text
+    return _PAYLOAD_HEADER + yaml_text(document)
 
 
 def read_estimate(path: Path, robot: Robot) -> Estimate:

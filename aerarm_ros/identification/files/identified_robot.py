@@ -16,6 +16,7 @@ from aerarm_ros.description.urdf_document import (
     DAMPING_BESIDE_LOAD,
     FRICTION_BESIDE_LOAD,
     LOAD_FRICTION,
+    numbers_text,
 )
 from aerarm_ros.identification.files.estimate_file import NO_FRICTION
 from aerarm_ros.identification.joint_model import COUPLED, TermKind
@@ -189,11 +190,6 @@ def _freedom(joint: pin.JointModel) -> tuple[bool, Array]:
     joint.calc(data, np.zeros(joint.nq))
     linear, angular = np.split(np.asarray(data.S).ravel(), 2)
     return bool(angular.any()), angular if angular.any() else linear
-
-
-def numbers_text(values: npt.ArrayLike) -> str:
-    """Return numbers as XML text in full precision."""
-    return ' '.join(repr(float(value)) for value in np.ravel(values))
 
 
 # largest fraction of the possible subtraction, so that the remaining body has volume

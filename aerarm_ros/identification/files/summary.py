@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerarm_ros.identification.assessment import BagAssessment, BagDemand, ResidualTrend, assess
+from aerarm_ros.identification.assessment import BagDemand, assess
 from aerarm_ros.identification.files.identified_robot import equivalent_friction
 from aerarm_ros.identification.identification_result import (
     IdentificationResult,
@@ -25,8 +25,6 @@ from aerarm_ros.identification.joint_model import (
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
 from aerarm_ros.identification.regression.regression import SampleColumns
-from aerarm_ros.identification.residual_split import ResidualSplit
-from aerarm_ros.identification.rollout import RolloutError
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
@@ -144,9 +142,9 @@ def summarise(
         'conditioning': _conditioning(result),
         'gravity': _gravity(result),
         'delays': _delays(result),
-        'trends': [_trend(trend) for trend in result.trends],
-        'residual': [_split(split) for split in result.splits],
-        'rollouts': [_rollout(error) for error in result.rollouts],
+        'trends': [_entry(trend, 'bag', 'friction', 'offset') for trend in result.trends],
+        'residual': [_entry(split, *_SPLIT) for split in result.splits],
+        'rollouts': [_entry(error, *_ROLLOUT) for error in result.rollouts],
         'friction': {
             joint: [term_text(term, result.robot.joint_names) for term in terms]
             for joint, terms in zip(result.robot.joint_names, result.fit.model.terms, strict=True)
@@ -219,35 +217,6 @@ def _delays(result: IdentificationResult) -> dict[str, Any]:
     }
 
 
-def _trend(trend: ResidualTrend) -> dict[str, Any]:
-    return {
-        'bag': trend.bag,
-        'friction': trend.friction.tolist(),
-        'offset': trend.offset.tolist(),
-    }
-
-
-def _split(split: ResidualSplit) -> dict[str, Any]:
-    return {
-        'bag': split.bag,
-        'rms': _numbers(split.rms),
-        'fractions': {cause: _numbers(part) for cause, part in split.fractions.items()},
-        'unexplained': _numbers(split.unexplained),
-        'above_cutoff': _numbers(split.above_cutoff),
-    }
-
-
-def _rollout(error: RolloutError) -> dict[str, Any]:
-    return {
-        'bag': error.bag,
-        'solver': error.solver,
-        'seconds': error.seconds,
-        'windows': error.windows,
-        'total': error.total if math.isfinite(error.total) else None,
-        'per_joint': _numbers(error.per_joint),
-    }
-
-
 def _payload(payload: Payload) -> dict[str, Any]:
     return {
         'link': payload.link,
@@ -282,26 +251,29 @@ def _regressor(base: BaseParameters) -> dict[str, Any]:
 def _solver(solution: Solution) -> dict[str, Any]:
     estimate = solution.estimate
     return {
-        'identification': [_bag(assessment) for assessment in solution.identification],
-        'validation': [_bag(assessment) for assessment in solution.validation],
+        'identification': [_entry(bag, *_BAG) for bag in solution.identification],
+        'validation': [_entry(bag, *_BAG) for bag in solution.validation],
         'physically_consistent': estimate.physically_consistent,
         'min_pseudo_inertia_eigenvalue': estimate.min_pseudo_inertia_eigenvalue,
         'seconds': estimate.seconds,
     }
 
 
-def _bag(assessment: BagAssessment) -> dict[str, Any]:
-    return {
-        'bag': assessment.bag,
-        'filtered': assessment.filtered,
-        'filtered_measured': assessment.filtered_measured,
-        'raw': assessment.raw,
-        'per_joint_filtered': _numbers(assessment.per_joint_filtered),
-        'per_joint_filtered_measured': _numbers(assessment.per_joint_filtered_measured),
-        'per_joint_raw': _numbers(assessment.per_joint_raw),
-    }
+_SPLIT = ('bag', 'rms', 'fractions', 'unexplained', 'above_cutoff')
+_ROLLOUT = ('bag', 'solver', 'seconds', 'windows', 'total', 'per_joint')
+_ERRORS = ('filtered', 'filtered_measured', 'raw')
+_BAG = ('bag', *_ERRORS, *(f'per_joint_{name}' for name in _ERRORS))
 
 
-def _numbers(values: Iterable[float]) -> list[float | None]:
-    """Return numbers for JSON, with null for NaN."""
-    return [float(value) if math.isfinite(value) else None for value in values]
+def _entry(value: object, *names: str) -> dict[str, Any]:
+    """Return attributes of an object for JSON."""
+    return {name: _plain(getattr(value, name)) for name in names}
+
+
+def _plain(value: Any) -> Any:
+    """Return a value for JSON, with lists for arrays and null for numbers that are not finite."""
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray):
+        return [_plain(one) for one in value.tolist()]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -24,6 +24,7 @@ from aerarm_ros.identification.motor_bench.motor_friction import (
     fit_motor_friction,
 )
 from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.model.inertia import point_mass
 from aerarm_ros.motion.signals import Array
 
 # Largest relative standard deviation of the rotor inertia at which it counts as separable from
@@ -463,8 +464,6 @@ class MotorBench:
         return found
 
     def _check_known(self, known: KnownMass) -> None:
-        if not known.mass > 0.0:
-            raise IdentificationError(f'known mass {known.mass:g} kg must be above 0')
         if self._robot is None:
             if not known.lever > 0.0:
                 raise IdentificationError(
@@ -526,9 +525,6 @@ class MotorBench:
 
 def _carrying(robot: Robot, known: KnownMass) -> Robot:
     """Return the arm with a point mass on its last link."""
-    x = np.array(known.position)
     inertial = np.array(robot.inertial_parameters)
-    tensor = known.mass * (x @ x * np.eye(3) - np.outer(x, x))
-    rows, columns = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]  # Ixx Ixy Iyy Ixz Iyz Izz
-    inertial[-1] += np.concatenate([[known.mass], known.mass * x, tensor[rows, columns]])
+    inertial[-1] += point_mass(known.mass, known.position)
     return robot.with_inertial_parameters(inertial)

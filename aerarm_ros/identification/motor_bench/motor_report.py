@@ -6,18 +6,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-import yaml
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.config_reader import read_yaml
+from aerarm_ros.description.config_reader import read_yaml, yaml_text
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.motor_bench.motor_backlash import is_significant
 from aerarm_ros.identification.motor_bench.motor_bench import Earlier, MotorResult
 from aerarm_ros.identification.motor_bench.motor_friction import BOARD
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
-from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
+from aerarm_ros.pages.html_text import (
+    Html,
+    bullets,
+    origin,
+    page,
+    paragraph,
+    section,
+    table,
+    text_table,
+)
+from aerarm_ros.pages.plots import StackedFigure, plotting_script
 
 _HEADER = """\
 # Drives measured on the motor bench, thesis section 4.4. SI units, each number with its standard
@@ -56,7 +63,7 @@ def bench_yaml(
         'joints': {result.joint: _entry(result) for result in results},
         'warnings': list(warnings),
     }
-    return _HEADER + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
+    return _HEADER + yaml_text(document)
 
 
 def _entry(result: MotorResult) -> dict[str, Any]:
@@ -139,8 +146,7 @@ def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult])
             joint['effort_max'] = _effort_max(joint, config, result, constant)
     used = {entry['motor'] for entry in document['joints']}
     document['motors'] = {name: value for name, value in document['motors'].items() if name in used}
-    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-    return _CONFIG_HEADER + text
+    return _CONFIG_HEADER + yaml_text(document)
 
 
 def _measured(result: MotorResult) -> dict[str, float]:
@@ -176,18 +182,11 @@ _HEADINGS = (
     'R [Ω]',
     'backlash [mrad]',
 )
-_ROW_HEIGHT = 300  # [px] height of one drive's figure
-_GAP = 0.25  # distance between two figures, as a fraction of a row
 
 
 def bench_table(results: Sequence[MotorResult]) -> str:
     """Return a table like 4.3 of the thesis, with standard deviations, for the terminal."""
-    rows = [_HEADINGS, *(_cells(result) for result in results)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADINGS))]
-    return '\n'.join(
-        '  '.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    )
+    return text_table([_HEADINGS, *map(_cells, results)])
 
 
 def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence[str]) -> str:
@@ -256,50 +255,17 @@ def _with_std(value: tuple[float, float]) -> str:
     return f'{value[0]:.3g} ± {value[1]:.1g}'
 
 
-def _figure(results: Sequence[MotorResult]) -> str:
+def _figure(results: Sequence[MotorResult]) -> Html:
     """Return a figure like 4.4: measured torques and fit over speed, one plot per drive."""
-    traces: list[dict[str, Any]] = []
-    count = len(results)
-    layout: dict[str, Any] = {
-        'height': _ROW_HEIGHT * count + 60,
-        'margin': {'l': 80, 'r': 15, 't': 30, 'b': 45},
-    }
+    rows = tuple(f'{result.joint} ({result.motor}) τ_m' for result in results)
+    figure = StackedFigure(rows, 'Nm', 'ω_m [rad/s]')
     for row, result in enumerate(results):
-        suffix = '' if row == 0 else str(row + 1)
-        traces += _traces(result, suffix, row == 0)
-        top = 1.0 - row / count
-        layout[f'xaxis{suffix}'] = {'anchor': f'y{suffix}', 'title': {'text': 'ω_m [rad/s]'}}
-        title = f'{plain_text(result.joint)} ({plain_text(result.motor)}) τ_m [Nm]'
-        layout[f'yaxis{suffix}'] = {
-            'domain': [max(0.0, top - (1.0 - _GAP) / count), top],
-            'anchor': f'x{suffix}',
-            'title': {'text': title},
-        }
-    return figure_html('friction', traces, layout)
-
-
-def _traces(result: MotorResult, suffix: str, legend: bool) -> list[dict[str, Any]]:
-    kg, friction = result.ratio, result.friction
-    order = np.argsort(friction.speed)
-    speed, torque = friction.speed[order] / kg, result.scale * friction.torque[order] * kg
-    # Two points next to zero speed make the curve show the step of sgn.
-    reach = float(np.abs(speed).max(initial=0.0))
-    line = np.array([-reach, -1e-9, 1e-9, reach])
-    fit = result.viscous_motor[0] * line + result.coulomb[0] * kg * np.sign(line)
-    axes = {'xaxis': f'x{suffix}', 'yaxis': f'y{suffix}', 'showlegend': legend}
-    return [
-        {
-            'type': 'scatter', 'mode': 'markers', 'name': 'measured', 'legendgroup': 'measured',
-            'x': _short(speed), 'y': _short(torque), 'marker': {'color': '#d0672b', 'size': 8},
-            **axes,
-        },
-        {
-            'type': 'scatter', 'mode': 'lines', 'name': 'b ω_m + f k_g sgn(ω_m)',
-            'legendgroup': 'fit', 'x': _short(line), 'y': _short(fit),
-            'line': {'color': '#0b62c4'}, **axes,
-        },
-    ]  # fmt: skip
-
-
-def _short(values: npt.NDArray[np.float64]) -> list[float]:
-    return [float(f'{value:.6g}') for value in values]
+        kg, friction = result.ratio, result.friction
+        speed, torque = friction.speed / kg, result.scale * friction.torque * kg
+        # Two points next to zero speed make the curve show the step of sgn.
+        reach = float(np.abs(speed).max(initial=0.0))
+        line = np.array([-reach, -1e-9, 1e-9, reach])
+        fit = result.viscous_motor[0] * line + result.coulomb[0] * kg * np.sign(line)
+        figure.add(row, speed, torque, 'measured', 'cloud')
+        figure.add(row, line, fit, 'b ω_m + f k_g sgn(ω_m)', 'predicted')
+    return figure.html('friction')

@@ -6,9 +6,11 @@ import itertools
 import re
 import warnings
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -126,11 +128,7 @@ def table_column(name: str) -> TableColumn | None:
     IdentificationError
         If the name states an unknown unit.
     """
-    stated = _UNIT.search(name)
-    if stated is None or stated[1].strip().isdigit():
-        bare, unit = name, ''
-    else:
-        bare, unit = name[: stated.start()], stated[1].strip()
+    bare, unit = split_unit(name)
     if bare.lower() in TIME:
         return TableColumn('time', '', factor=unit_factor(name, 'time', unit), unit=unit)
     for shorter in _without_path(bare):
@@ -138,6 +136,14 @@ def table_column(name: str) -> TableColumn | None:
         if found is not None:
             return replace(found, factor=unit_factor(name, found.quantity, unit), unit=unit)
     return None
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Return a column name without its unit, and the unit ('' if the name states none)."""
+    stated = _UNIT.search(name)
+    if stated is None or stated[1].strip().isdigit():
+        return name.strip(), ''
+    return name[: stated.start()].strip(), stated[1].strip()
 
 
 def unit_factor(name: str, quantity: str, unit: str) -> float:
@@ -185,6 +191,55 @@ TABLES = ('.csv', '.npz')
 """File suffixes of tables."""
 
 _LARGEST = 2**30  # bytes of an unpacked file: three times 40 min of 7 joints at 1 kHz
+
+
+@contextmanager
+def table_errors(path: Path, largest: int, kind: type[ValueError]) -> Iterator[None]:
+    """Raise errors of type `kind`, with one-line messages, while a table is read.
+
+    Parameters
+    ----------
+    largest : int
+        Largest size of the unpacked file in bytes.
+    """
+    try:
+        size, unpacked = path.stat().st_size, ''
+        if path.suffix.lower() == '.npz' and size <= largest:
+            with zipfile.ZipFile(path) as archive:
+                size = sum(entry.file_size for entry in archive.infolist())
+            unpacked = ' when unpacked'
+        if size > largest:
+            raise kind(f'{path} is larger than {largest >> 20} MB{unpacked}: shorten the file')
+        yield
+    except OSError as error:
+        raise kind(f'{path} cannot be read ({error.strerror or error}): check the path') from None
+    except (ValueError, zipfile.BadZipFile, EOFError) as error:
+        if isinstance(error, kind):
+            raise
+        reason = ' '.join(str(error).split())
+        raise kind(f'{path} is not a table of numbers ({reason}): check the file format') from None
+
+
+def column_names(
+    path: Path, file: TextIO, example: str, kind: type[ValueError]
+) -> tuple[list[str], str | None]:
+    """Return the column names in the first line of a CSV file, and the delimiter.
+
+    Parameters
+    ----------
+    example : str
+        Column names, as an example for the error message.
+    kind : type
+        Type of the error that is raised if the line contains no names.
+    """
+    header = file.readline().lstrip('#').strip()
+    delimiter = next((d for d in (';', '\t', ',') if d in header), None)
+    names = [name.strip().strip('"') for name in header.split(delimiter)]
+    if all(_is_number(name) for name in names):
+        raise kind(f'the first line of {path} must name the columns, for example {example}')
+    return names, delimiter
+
+
 _NAMES = ('joint_names', 'names', 'joints')
 _ANGLES = ('position', 'velocity')  # quantities whose unit an array `unit` states
 _SHOWN = 40  # largest number of columns listed in an error
@@ -262,25 +317,10 @@ def read_table(
         If the file cannot be read, lacks required columns, or is too large.
     """
     options = options or TableOptions()
-    try:
-        if path.stat().st_size > _LARGEST:
-            raise IdentificationError(
-                f'{path} is larger than {_LARGEST >> 20} MB: shorten the file'
-            )
+    with table_errors(path, _LARGEST, IdentificationError):
         read = _npz if path.suffix.lower() == '.npz' else _csv
         columns, sources = read(path, joint_names, options)
         columns = _without_currents(columns)
-    except OSError as error:
-        raise IdentificationError(
-            f'{path} cannot be read ({error.strerror or error}): check the path'
-        ) from None
-    except (ValueError, zipfile.BadZipFile) as error:
-        if isinstance(error, IdentificationError):
-            raise
-        reason = ' '.join(str(error).split())
-        raise IdentificationError(
-            f'{path} is not a table of numbers ({reason}): check the file format'
-        ) from None
     return _states(path, columns, sources, joint_names, options)
 
 
@@ -293,16 +333,9 @@ _Sources = dict[tuple[str, str], str]
 def _csv(
     path: Path, joint_names: Sequence[str], options: TableOptions
 ) -> tuple[_Columns, _Sources]:
+    example = 'time, q_{0}, dq_{0}, tau_{0}'.format(joint_names[0])
     with path.open(encoding='utf-8-sig', errors='replace') as file:
-        header = file.readline().lstrip('#').strip()
-        found = [d for d in (';', '\t', ',') if d in header]
-        delimiter = found[0] if found else None
-        names = [name.strip().strip('"') for name in header.split(delimiter)]
-        if all(_is_number(name) for name in names):
-            raise IdentificationError(
-                f'the first line of {path} must name the columns, for example time, '
-                f'q_{joint_names[0]}, dq_{joint_names[0]}, tau_{joint_names[0]}'
-            )
+        names, delimiter = column_names(path, file, example, IdentificationError)
         meanings = _meanings(path, names, joint_names, options)
         first = file.readline()
         count = len(first.split(delimiter))
@@ -312,8 +345,8 @@ def _csv(
             )
         if not meanings:
             raise IdentificationError(
-                f'{path} has no position of any joint (its columns are {_some(names)}): name the '
-                f'columns {accepted_names()}'
+                f'{path} has no position of any joint (its columns are '
+                f'{some_names(names, _SHOWN)}): name the columns {accepted_names()}'
             )
         rows = itertools.chain([first], file)
         with warnings.catch_warnings():
@@ -375,8 +408,9 @@ def _numbered(
         if first is None:
             first = first_number((number for _, number in group.values()), len(joint_names))
         if first is None:
+            shown = [names[place] for place in group]
             raise IdentificationError(
-                f'the numbers in the column names {_some([names[place] for place in group])} of '
+                f'the numbers in the column names {some_names(shown, _SHOWN)} of '
                 f'{path} may begin at 0 or at 1 for {len(joint_names)} joints: state the number of '
                 f'{joint_names[0]} (--numbered-from 0 or 1, or numbered_from= of read_bag)'
             )
@@ -386,11 +420,11 @@ def _numbered(
     return named
 
 
-def _some(names: Sequence[str]) -> str:
-    """Return column names as text, truncated after the first ones."""
-    shown = [name or "''" for name in names[:_SHOWN]]
+def some_names(names: Collection[str], most: int = 12) -> str:
+    """Return names as text, truncated after `most` names."""
+    shown = [name or "''" for name in list(names)[:most]]
     more = len(names) - len(shown)
-    return ', '.join(shown) + (f' and {more} more' if more else '')
+    return ', '.join(shown) + (f' and {more} more' if more else '') or 'none'
 
 
 def _factor(column: TableColumn, options: TableOptions) -> float:
@@ -405,11 +439,6 @@ def _unstated(quantity: str, options: TableOptions) -> float:
 def _npz(
     path: Path, joint_names: Sequence[str], options: TableOptions
 ) -> tuple[_Columns, _Sources]:
-    with zipfile.ZipFile(path) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
-            raise IdentificationError(
-                f'{path} is larger than {_LARGEST >> 20} MB when unpacked: shorten the file'
-            )
     with np.load(path, allow_pickle=False) as file:
         arrays = {key: np.asarray(file[key]) for key in file.files if _is_wanted(key)}
     given = next((arrays[key] for key in _NAMES if key in arrays), None)
@@ -469,7 +498,7 @@ def _states(
             word = {'position': 'q', 'effort': 'tau'}[quantity]
             raise IdentificationError(
                 f'{path} has no {quantity} of {", ".join(missing) or "any joint"} (found: '
-                f'{_some(list(sources.values()))}): name the column '
+                f'{some_names(sources.values(), _SHOWN)}): name the column '
                 f'{word}_{(missing or ["JOINT"])[0]}, or {word}1, {word}2 ... from the base to '
                 'the tool'
             )

@@ -237,12 +237,7 @@ class Prior:
     std: Array
 
 
-def prior_from_cad(
-    cad: ArmParameters,
-    model: JointModel,
-    regression: ReducedRegression,
-    link_spread: float = LINK_SPREAD,
-) -> Prior:
+def prior_from_cad(cad: ArmParameters, model: JointModel, regression: ReducedRegression) -> Prior:
     """Return a weak prior, whose mean is the CAD parameters.
 
     Parameters
@@ -250,8 +245,6 @@ def prior_from_cad(
     regression : ReducedRegression
         Regression with the columns of `model`; its torques determine the prior deviations of
         friction.
-    link_spread : float
-        Standard deviation of the inertial parameters relative to their natural size.
     """
     mean = cad.vector(model)
     norms, torque = regression.column_norms(), regression.torque_norms
@@ -261,4 +254,4 @@ def prior_from_cad(
         share = _TERM_SPREAD * torque[joint] / norm if norm > 0.0 else 0.0
         least = 0.5 * mean[index] if term.kind is not TermKind.OFFSET else 0.0
         joints.append(max(share, least, 1e-6))
-    return Prior(mean, np.concatenate([link_spread * cad.inertial_scale().ravel(), joints]))
+    return Prior(mean, np.concatenate([LINK_SPREAD * cad.inertial_scale().ravel(), joints]))

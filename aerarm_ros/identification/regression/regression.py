@@ -276,12 +276,6 @@ class ReducedRegression:
         residual, torque = self.residual_norms(theta), self.torque_norms
         return float(100.0 * np.linalg.norm(residual) / np.linalg.norm(torque))
 
-    def select(self, names: Sequence[str]) -> 'ReducedRegression':
-        """Return a regression with only the columns `names`."""
-        index = [self.columns.index(name) for name in names] + [len(self.columns)]
-        factors = [triangular_factor(factor[:, index]) for factor in self.factors]
-        return ReducedRegression(names, factors, self.rows)
-
 
 def triangular_factor(matrix: Array) -> Array:
     """Return the triangular factor R of `matrix = Q R`."""

@@ -98,8 +98,9 @@ def fleet_page(rows: Sequence[Row]) -> str:
         headings = ['arm', 'parameter', 'change', 'mean', 'in deviations']
         parts.append(section('Drift', paragraph(_DRIFT, 'note'), table(headings, cells_drift)))
     if good:
+        of_joints = [n for n in _parameters(good) if n.startswith(('fv_', 'fs_', 'Ja_'))]
         named = [*(d.parameter for d in drifts), *(o.parameter for o in odd)]
-        shown = list(dict.fromkeys([*named, *_joint_parameters(good)]))[:_SHOWN]
+        shown = list(dict.fromkeys([*named, *of_joints]))[:_SHOWN]
         for number, name in enumerate([_ERROR, *shown]):
             parts.append(section(f'{name} over time', _figure(good, name, f'time-{number}')))
         parts.append(section('Bags', _bags(good)))
@@ -172,10 +173,6 @@ def _drift(arm: str, name: str, days: Array, values: Array, std: Array) -> Drift
 def _parameters(rows: Sequence[Row]) -> list[str]:
     names = dict.fromkeys(name for row in rows for name in row)
     return [name for name in names if name + STD in names]
-
-
-def _joint_parameters(rows: Sequence[Row]) -> list[str]:
-    return [name for name in _parameters(rows) if name.startswith(('fv_', 'fs_', 'Ja_'))]
 
 
 def _column(rows: Sequence[Row], name: str) -> tuple[Array, Array]:

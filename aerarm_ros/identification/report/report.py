@@ -521,8 +521,6 @@ def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
     return parts
 
 
-_ROW = 17  # [px]
-_NAME = 34  # number of shown characters
 _SOME = 60.0  # standard deviations above which a bar is truncated
 
 
@@ -572,12 +570,11 @@ def _table(changes: tuple[EstimateChange, ...], old: str, new: str) -> Html:
 
 def _figure(changes: tuple[EstimateChange, ...], identifier: str) -> Html:
     """Return a bar chart of changes of quantities, in standard deviations."""
-    names = [c.name if len(c.name) <= _NAME else c.name[: _NAME - 1] + '…' for c in changes]
     trace: dict[str, Any] = {
         'type': 'bar',
         'orientation': 'h',
         'x': [round(max(-_SOME, min(_SOME, c.deviations)), 3) for c in changes],
-        'y': [plain_text(name) for name in names],
+        'y': [_short(c.name) for c in changes],
         'marker': {'color': ['#b3261e' if c.is_clear else '#a9bdd6' for c in changes]},
     }
     layout = {

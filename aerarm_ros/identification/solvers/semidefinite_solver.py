@@ -403,13 +403,11 @@ _ROWS, _COLUMNS = np.tril_indices(4)
 _DIAGONAL = np.flatnonzero(_ROWS == _COLUMNS)
 
 
-def solve_entropic(
-    system: TriangularSystem, prior: Prior, limits: PhysicalLimits, spread: float = LINK_SPREAD
-) -> Array:
+def solve_entropic(system: TriangularSystem, prior: Prior, limits: PhysicalLimits) -> Array:
     """Minimize torque error plus the entropic divergence of the links from the prior.
 
     For a link with pseudo-inertia P, and P0 in the CAD model, the divergence is
-    ``tr(P P0^-1) - log det(P P0^-1) - 4``, divided by the squared spread. The divergence equals
+    ``tr(P P0^-1) - log det(P P0^-1) - 4``, divided by `LINK_SPREAD` squared. The divergence equals
     twice the relative entropy of normal distributions with the covariances P and P0. The
     divergence is independent of the frame and the unit of length. Near CAD it is half the squared
     relative deviation, and it tends to infinity towards impossible bodies, so all links are
@@ -422,8 +420,6 @@ def solve_entropic(
         System weighted to unit variance.
     prior : Prior
         Prior; of the links, only the mean of the inertial parameters is used.
-    spread : float
-        Relative deviation of a link from CAD that equals one standard deviation.
 
     Raises
     ------
@@ -446,10 +442,10 @@ def solve_entropic(
                 'URDF is not that of a solid body: correct it, or omit the solver'
             )
         part = slice(10 * link, 10 * link + 10)
-        linear[part] = np.einsum('ijk,kj->i', columns, np.linalg.inv(constant)) / spread**2
+        linear[part] = np.einsum('ijk,kj->i', columns, np.linalg.inv(constant)) / LINK_SPREAD**2
         lower = first + own * link
         logarithms = slice(lower + len(_ROWS), lower + own)
-        linear[logarithms] = -1.0 / spread**2
+        linear[logarithms] = -1.0 / LINK_SPREAD**2
         _add_determinant(program, columns, constant, 10 * link, lower)
     return program.parameters(quadratic, linear)
 

@@ -150,7 +150,7 @@ def _output_error(
 
     weights = fit.noise.weights
     start, notes = solve_relaxed(fit.regression.system(weights), fit.prior, limits)
-    std = np.sqrt(_variance(fit)[10 * fit.model.n :])
+    std = np.sqrt(np.diag(fit.covariance)[10 * fit.model.n :])
     return solve_output_error(fit.model, windows, start, std), notes
 
 
@@ -184,12 +184,7 @@ def _with_uncertainty(estimate: Estimate, fit: ModelFit) -> Estimate:
 
     A coefficient at its bound, within the solver's accuracy, is set to 0.
     """
-    variance = _variance(fit)
+    variance = np.diag(fit.covariance)
     determined = np.clip(1.0 - variance / fit.prior.std**2, 0.0, 1.0)
     known = replace(estimate, std=np.sqrt(variance), determined=determined)
     return replace(known, theta=np.where(known.held_at_zero, 0.0, known.theta))
-
-
-def _variance(fit: ModelFit) -> Array:
-    """Return the (p,) variances of the parameters given data and prior."""
-    return np.diag(fit.covariance)

@@ -37,9 +37,3 @@ def test_contradictory_limits_name_the_joint() -> None:
         MotionLimits(('a', 'b'), -one, one, np.array([0.0, 1.0]), one, one, one)
     with pytest.raises(ExcitationError, match='2 values'):
         MotionLimits(('a', 'b'), -one, one, np.ones(3), one, one, one)
-
-
-@pytest.mark.parametrize('share', [0.0, 1.1, float('nan')])
-def test_usable_fractions_must_lie_in_0_1(arm: ArmConfig, share: float) -> None:
-    with pytest.raises(ExcitationError, match='fraction of velocity'):
-        MotionLimits.of_arm(arm).scaled(1.0, share, 1.0)

@@ -221,5 +221,3 @@ def test_impossible_uses_of_a_known_mass(config: ArmConfig, robot: Robot) -> Non
         MotorBench(config, robot, posture, KnownMass(0.3), Earlier({}, posture + 0.1))
     with pytest.raises(IdentificationError, match='needs its lever'):
         MotorBench(config, None, posture, KnownMass(0.3))
-    with pytest.raises(IdentificationError, match='must be above 0'):
-        MotorBench(config, None, posture, KnownMass(-0.3, lever=0.1))

@@ -47,13 +47,6 @@ def test_norms_and_errors_are_those_of_all_rows(data, regression) -> None:
     assert regression.error(theta) == pytest.approx(expected)
 
 
-def test_columns_can_be_left_out(data, regression) -> None:
-    phi, tau = data
-    system = regression.select(('b', 'd')).system()
-    expected = np.linalg.lstsq(phi[:, :, [1, 3]].reshape(-1, 2), tau.ravel(), rcond=None)[0]
-    assert np.allclose(np.linalg.solve(system.R, system.z), expected)
-
-
 def test_fewer_rows_than_columns() -> None:
     rows = np.random.default_rng(1).standard_normal((1, 2, 8))
     regression = ReducedRegression(NAMES, rows, [2])

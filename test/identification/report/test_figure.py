@@ -8,8 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.report.report_figures import StackedFigure
-from aerarm_ros.pages.plots import plotting_script
+from aerarm_ros.pages.plots import StackedFigure, plotting_script
 
 
 def arguments(html: str) -> tuple:
