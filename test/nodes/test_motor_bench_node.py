@@ -90,7 +90,7 @@ def test_sigint_stops_the_arm_and_leaves_nothing(
 
 
 def test_the_log_states_the_awaited_conditions(ros_domain: dict[str, str], tmp_path: Path) -> None:
-    assert 'waited 1 s, but ' in refusal(tmp_path, wait_timeout=1.0)
+    assert 'the motion could not start within 1 s: ' in refusal(tmp_path, wait_timeout=1.0)
     assert not (tmp_path / 'results').exists()
 
 
