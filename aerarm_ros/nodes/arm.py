@@ -115,33 +115,22 @@ def make_parser() -> argparse.ArgumentParser:
         command = add(name, _MEANING[name])
         _add_waits(command, _RECEIVERS.get(name, ' or '.join(BRIDGES)))
         if name == 'e_stop':
-            command.add_argument(
-                '--all',
-                action='store_true',
-                help='send the request to the bridges of all namespaces',
-            )
+            command.add_argument('--all', action='store_true',
+                help='send the request to the bridges of all namespaces')  # fmt: skip
         if name == 'enable':
             command.add_argument('--home', action='store_true', help=_HOME)
     command = add('go', 'move the arm to a posture with the active controller: THE ARM MOVES')
-    command.add_argument(
-        'angle',
-        type=finite_number,
-        nargs='+',
-        help='joint angles of the posture, one per joint [rad]',
-    )
+    command.add_argument('angle', type=finite_number, nargs='+',
+        help='joint angles of the posture, one per joint [rad]')  # fmt: skip
     command.add_argument(
         '--tolerance',
         type=positive_number,
         default=0.05,
         help='joint angle error below which the goal counts as reached [rad] (default: 0.05)',
     )
-    command.add_argument(
-        '--on-contact',
-        choices=REACTIONS,
-        default='',
-        help='reaction of the controller to contact during this motion (default: the value of the '
-        'parameter contact_reaction)',
-    )
+    command.add_argument('--on-contact', choices=REACTIONS, default='',
+        help='reaction of the controller to contact during this motion (default: the value of '
+             'the parameter contact_reaction)')  # fmt: skip
     command = add(
         'tool', 'move the tool to a position with the active Cartesian controller: THE ARM MOVES'
     )
@@ -149,22 +138,12 @@ def make_parser() -> argparse.ArgumentParser:
         command.add_argument(
             axis, type=finite_number, help=f'{axis} coordinate of the position in --frame [m]'
         )
-    command.add_argument(
-        '--frame',
-        choices=('base', 'world'),
-        default='base',
-        help=(
-            "frame of the position: 'base' is base_link of the arm, 'world' the frame of the "
-            "drone's odometry, which needs world_control (default: base)"
-        ),
-    )
-    command.add_argument(
-        '--tolerance',
-        type=positive_number,
-        default=0.01,
+    command.add_argument('--frame', choices=('base', 'world'), default='base',
+        help="frame of the position: 'base' is base_link of the arm, 'world' the frame of the "
+             "drone's odometry, which needs world_control (default: base)")  # fmt: skip
+    command.add_argument('--tolerance', type=positive_number, default=0.01,
         help='distance from the position below which the goal counts as reached [m] (default: '
-        '0.01)',
-    )
+             '0.01)')  # fmt: skip
     command = add('press', _PRESS)
     for axis in 'xyz':
         command.add_argument(
@@ -236,13 +215,8 @@ def _add_commission(command: argparse.ArgumentParser) -> None:
 
 def _add_calibrate(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add(
-        '--postures',
-        type=int,
-        default=40,
-        metavar='N',
-        help='number of calibration postures (default: 40)',
-    )
+    add('--postures', type=int, default=40, metavar='N',
+        help='number of calibration postures (default: 40)')  # fmt: skip
     add('--rest', type=positive_number, default=1.0, help=(
         'time for which the arm rests in each posture [s] (default: 1)'
     ))  # fmt: skip
@@ -252,12 +226,8 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
     add('--sensors', nargs='+', default=[], metavar='TOPIC', help=(
         'topics with markers or poses to record (default: all such topics of other programs)'
     ))  # fmt: skip
-    add(
-        '--link',
-        default='',
-        metavar='NAME',
-        help='link that carries the markers (default: the last link)',
-    )
+    add('--link', default='', metavar='NAME',
+        help='link that carries the markers (default: the last link)')  # fmt: skip
     add('--camera', nargs=3, type=finite_number, metavar=('X', 'Y', 'Z'), help=(
         'position of a camera in the base frame [m]; the program then chooses only postures in '
         'which the marker faces the camera'
@@ -286,32 +256,14 @@ def _add_init(command: argparse.ArgumentParser) -> None:
         default='',
         help='name of the arm and of the written files (default: the name in the URDF)',
     )
-    add(
-        '--out',
-        type=Path,
-        default=Path(),
-        metavar='FOLDER',
-        help='folder for the written files (default: the current folder)',
-    )
-    add(
-        '--locked',
-        nargs='+',
-        default=[],
-        metavar='JOINT',
+    add('--out', type=Path, default=Path(), metavar='FOLDER',
+        help='folder for the written files (default: the current folder)')  # fmt: skip
+    add('--locked', nargs='+', default=[], metavar='JOINT',
         help='joints that do not belong to the arm, for example of a gripper; the model treats '
-        'these joints as fixed',
-    )
-    add(
-        '--gravity',
-        type=finite_number,
-        nargs=3,
-        default=[0.0, 0.0, -9.81],
-        metavar=tuple('XYZ'),
-        help=(
-            'gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; 0 0 9.81 for an '
-            'arm that hangs)'
-        ),
-    )
+             'these joints as fixed')  # fmt: skip
+    add('--gravity', type=finite_number, nargs=3, default=[0.0, 0.0, -9.81], metavar=tuple('XYZ'),
+        help='gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; 0 0 9.81 for '
+             'an arm that hangs)')  # fmt: skip
     add('--package-directory', type=Path, action='append', default=[], metavar='FOLDER',
         help='folder in which to search for the package:// meshes of the URDF')  # fmt: skip
     add('--estimate', type=Path, metavar='FILE', help=(
@@ -340,12 +292,8 @@ def _add_waits(command: argparse.ArgumentParser, default: str) -> None:
         metavar='NODE',
         help=f'name of the bridge that receives the request (default: {default})',
     )
-    command.add_argument(
-        '--wait-before',
-        choices=MODES,
-        metavar='MODE',
-        help='mode of the arm to wait for before the request',
-    )
+    command.add_argument('--wait-before', choices=MODES, metavar='MODE',
+        help='mode of the arm to wait for before the request')  # fmt: skip
     command.add_argument(
         '--wait',
         nargs='+',

@@ -22,7 +22,7 @@ from aerarm_ros.control.base.moving_base_dynamics import BaseReaction
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.motion.signals import ArmState, JointReference
-from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
+from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, wrench_message
 from aerarm_ros.ros.controllers.reaction_topics import (
     BANDWIDTH,
     CONTACT_PARAMETERS,
@@ -30,7 +30,6 @@ from aerarm_ros.ros.controllers.reaction_topics import (
     ContactTopic,
     EnergyTopic,
     LoadTopics,
-    wrench_message,
 )
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.graph import SilencePatience
@@ -41,21 +40,14 @@ from aerarm_ros.ros.states.state_stream import base_header
 NAME = 'base_reaction'
 
 PARAMETERS = state_node_parameters(
-    Parameter(
-        'rate', 100.0, 'publishing rate of base_wrench and base_wrench_static', 'Hz', 1.0, 1000.0
-    ),
-    Parameter(
-        'cutoff',
-        20.0,
-        'cutoff frequency of the low-pass for the measured joint acceleration',
-        'Hz',
-        0.1,
-        500.0,
-    ),
+    Parameter('rate', 100.0,
+        'publishing rate of base_wrench and base_wrench_static', 'Hz', 1.0, 1000.0),
+    Parameter('cutoff', 20.0,
+        'cutoff frequency of the low-pass for the measured joint acceleration', 'Hz', 0.1, 500.0),
     *LOAD_PARAMETERS,
     *CONTACT_PARAMETERS,
     *ENERGY_PARAMETERS,
-)
+)  # fmt: skip
 
 
 class BaseReactionNode(StateNode):

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from aerarm_ros.ros.process.process_end import (
     USER_ERROR,
@@ -21,159 +19,77 @@ from aerarm_ros.ros.process.process_end import (
     without_ros_arguments,
 )
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
+from aerarm_ros.ros.programs.identifier_options import Option, table_parser
 
-_OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
-    (
-        '--bag',
-        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
+_OPTIONS: tuple[Option, ...] = (
+    ('--bag', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
         'recordings from which to calibrate: .csv and .npz tables, rosbag2 folders, .mcap, .db3 '
-        'and .bag files',
-    ),
-    (
-        '--validation',
-        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
-        'recordings of the same setup for validation, which the calibration does not use',
-    ),
-    (
-        '--holdout',
-        {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
-        'fraction of the postures of --bag, drawn at random, for validation instead of calibration '
-        '(default: 0)',
-    ),
-    (
-        '--urdf',
-        {'type': Path, 'metavar': 'FILE'},
-        'URDF of the arm (default: the packaged arm)',
-    ),
-    (
-        '--config',
-        {'type': Path, 'metavar': 'FILE'},
+        'and .bag files'),
+    ('--validation', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
+        'recordings of the same setup for validation, which the calibration does not use'),
+    ('--holdout', {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
+        'fraction of the postures of --bag, drawn at random, for validation instead of '
+        'calibration (default: 0)'),
+    ('--urdf', {'type': Path, 'metavar': 'FILE'}, 'URDF of the arm (default: the packaged arm)'),
+    ('--config', {'type': Path, 'metavar': 'FILE'},
         'arm configuration to which to add the estimated joint offsets, for example '
-        'config/aerarm.yaml (default: the packaged file; with --urdf none)',
-    ),
-    (
-        '--link',
-        {'default': '', 'metavar': 'NAME'},
-        'link that carries the markers (default: the link after the last recorded joint)',
-    ),
-    (
-        '--level',
-        {'choices': ('auto', 'frames', 'offsets', 'geometry'), 'default': 'auto'},
+        'config/aerarm.yaml (default: the packaged file; with --urdf none)'),
+    ('--link', {'default': '', 'metavar': 'NAME'},
+        'link that carries the markers (default: the link after the last recorded joint)'),
+    ('--level', {'choices': ('auto', 'frames', 'offsets', 'geometry'), 'default': 'auto'},
         'errors to estimate. frames: only the poses of the sensors; offsets: also joint offsets; '
-        'geometry: also link geometry; auto (default): the best level in a cross-validation',
-    ),
-    (
-        '--no-compliance',
-        {'action': 'store_true'},
-        'do not estimate the deflection of the joints under gravity',
-    ),
-    (
-        '--eccentricity',
-        {'action': 'store_true'},
-        'also estimate the first harmonic of the angle error of each gear',
-    ),
-    (
-        '--tolerance',
+        'geometry: also link geometry; auto (default): the best level in a cross-validation'),
+    ('--no-compliance', {'action': 'store_true'},
+        'do not estimate the deflection of the joints under gravity'),
+    ('--eccentricity', {'action': 'store_true'},
+        'also estimate the first harmonic of the angle error of each gear'),
+    ('--tolerance',
         {'nargs': 2, 'type': float, 'default': [2.0, 10.0], 'metavar': ('LENGTH', 'ANGLE')},
         'expected errors of lengths [mm] and angles [mrad] in the URDF; smaller values keep the '
-        'estimates closer to the URDF (default: 2 10)',
-    ),
-    (
-        '--base-known',
-        {'action': 'store_true'},
+        'estimates closer to the URDF (default: 2 10)'),
+    ('--base-known', {'action': 'store_true'},
         "the markers are measured in the frame of the URDF's base link (default: in an unknown "
-        'frame)',
-    ),
-    (
-        '--eye-in-hand',
-        {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'names of poses that a camera on the arm measures of a fixed object',
-    ),
-    (
-        '--length-unit',
-        {'choices': ('m', 'cm', 'mm'), 'default': ''},
-        'unit of lengths in columns whose name states no unit (default: m)',
-    ),
-    (
-        '--degrees',
-        {'action': 'store_true'},
+        'frame)'),
+    ('--eye-in-hand', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
+        'names of poses that a camera on the arm measures of a fixed object'),
+    ('--length-unit', {'choices': ('m', 'cm', 'mm'), 'default': ''},
+        'unit of lengths in columns whose name states no unit (default: m)'),
+    ('--degrees', {'action': 'store_true'},
         'read joint positions and the angles roll, pitch and yaw in degrees if the column name '
-        'states no unit',
-    ),
-    (
-        '--ignore',
-        {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'names of markers, poses or columns that the calibrator does not use',
-    ),
-    (
-        '--rename',
-        {'nargs': '+', 'default': [], 'metavar': 'COLUMN=JOINT'},
-        'name of a joint in the recording, and its name in the URDF',
-    ),
-    (
-        '--lock',
-        {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints that were not recorded, because they stayed at zero',
-    ),
-    (
-        '--gravity',
-        {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
+        'states no unit'),
+    ('--ignore', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
+        'names of markers, poses or columns that the calibrator does not use'),
+    ('--rename', {'nargs': '+', 'default': [], 'metavar': 'COLUMN=JOINT'},
+        'name of a joint in the recording, and its name in the URDF'),
+    ('--lock', {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
+        'joints that were not recorded, because they stayed at zero'),
+    ('--gravity', {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
         "gravity in the frame of the arm's base [m/s^2] (default: as in --config, otherwise 0 0 "
-        '-9.81)',
-    ),
-    (
-        '--topic',
-        {'default': '/joint_states', 'metavar': 'NAME'},
-        'topic of the joint states in the bags (default: %(default)s)',
-    ),
-    (
-        '--sensors',
-        {'nargs': '+', 'default': [], 'metavar': 'TOPIC'},
+        '-9.81)'),
+    ('--topic', {'default': '/joint_states', 'metavar': 'NAME'},
+        'topic of the joint states in the bags (default: %(default)s)'),
+    ('--sensors', {'nargs': '+', 'default': [], 'metavar': 'TOPIC'},
         'topics of markers and poses in the bags, of type PointStamped, PoseStamped, '
-        'TransformStamped or TFMessage (default: all such topics of other programs)',
-    ),
-    (
-        '--frames',
-        {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'child frames to use from TFMessage topics (default: all except the links of the URDF)',
-    ),
-    (
-        '--mount',
-        {'action': 'store_true'},
+        'TransformStamped or TFMessage (default: all such topics of other programs)'),
+    ('--frames', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
+        'child frames to use from TFMessage topics (default: all except the links of the URDF)'),
+    ('--mount', {'action': 'store_true'},
         "estimate the poses of the arm's base and of the IMU on the drone, and write a drone "
-        'file; needs a bag in which drone and arm move',
-    ),
-    (
-        '--drone',
-        {'type': Path, 'metavar': 'FILE'},
-        'drone file with the nominal poses for --mount (default: the packaged drone.yaml)',
-    ),
-    (
-        '--drone-pose',
-        {'default': '/odometry', 'metavar': 'NAME'},
-        "topic of the drone's pose for --mount: Odometry or PoseStamped (default: %(default)s)",
-    ),
-    (
-        '--imu',
-        {'default': '/imu', 'metavar': 'NAME'},
-        'topic of the IMU for --mount (default: %(default)s)',
-    ),
-    (
-        '--out',
-        {'type': Path, 'metavar': 'DIR'},
-        'folder for the results (default: output/calibration_DATE_TIME)',
-    ),
-)
+        'file; needs a bag in which drone and arm move'),
+    ('--drone', {'type': Path, 'metavar': 'FILE'},
+        'drone file with the nominal poses for --mount (default: the packaged drone.yaml)'),
+    ('--drone-pose', {'default': '/odometry', 'metavar': 'NAME'},
+        "topic of the drone's pose for --mount: Odometry or PoseStamped (default: %(default)s)"),
+    ('--imu', {'default': '/imu', 'metavar': 'NAME'},
+        'topic of the IMU for --mount (default: %(default)s)'),
+    ('--out', {'type': Path, 'metavar': 'DIR'},
+        'folder for the results (default: output/calibration_DATE_TIME)'),
+)  # fmt: skip
 
 
 def calibrator_parser(name: str, description: str) -> OneLineParser:
-    """Return the parser of the command line; the parsed options contain the start time."""
-    parser = OneLineParser(prog=name, description=description.splitlines()[0])
-    for option, details, text in _OPTIONS:
-        more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
-        parser.add_argument(option, help=text, **more, **details)
-    parser.set_defaults(started=time.localtime())
-    return parser
+    """Return the command-line parser of the calibrator."""
+    return table_parser(name, description, _OPTIONS)
 
 
 _NAME = 'calibrator'

@@ -14,8 +14,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
-from geometry_msgs.msg import Vector3, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
@@ -33,7 +31,11 @@ from aerarm_ros.ros.controllers.contact_parameters import (
     contact_settings,
     read_residuals,
 )
-from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, load_share
+from aerarm_ros.ros.controllers.controller_parameters import (
+    ENERGY_PARAMETERS,
+    load_share,
+    wrench_message,
+)
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.state_stream import base_header
@@ -153,15 +155,8 @@ class ContactEstimatorNode(StateNode):
         if self._place is None:
             return
         force, at = self._place.force, self._place.point_in_base
-        wrench = WrenchStamped(header=header)
-        wrench.wrench.force = _vector(force)
-        wrench.wrench.torque = _vector(np.cross(at, force))
-        self._force.publish(wrench)
-
-
-def _vector(values: npt.NDArray[np.float64]) -> Vector3:
-    x, y, z = values.tolist()
-    return Vector3(x=x, y=y, z=z)
+        wrench = np.concatenate([force, np.cross(at, force)])
+        self._force.publish(wrench_message(header, wrench))
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -80,38 +80,18 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
         default=Path('output') / datetime.now().strftime('demo_%Y%m%d_%H%M%S'),
         help='folder for bags, logs and results (default: output/demo_DATE_TIME)',
     )
-    parser.add_argument(
-        '--seed',
-        type=int,
-        default=2,
-        help='seed of the random trajectory for validation (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--arm-seed',
-        type=int,
-        default=7,
-        help="seed of the simulated arm's random parameters (default: %(default)s)",
-    )
-    parser.add_argument(
-        '--periods',
-        type=_at_least_one,
-        default=2,
-        help='number of periods of each trajectory, 10 s each (default: 2)',
-    )
-    parser.add_argument(
-        '--pace',
-        choices=(KEEP_UP, LOCKSTEP),
-        default=KEEP_UP,
+    parser.add_argument('--seed', type=int, default=2,
+        help='seed of the random trajectory for validation (default: %(default)s)')  # fmt: skip
+    parser.add_argument('--arm-seed', type=int, default=7,
+        help="seed of the simulated arm's random parameters (default: %(default)s)")  # fmt: skip
+    parser.add_argument('--periods', type=_at_least_one, default=2,
+        help='number of periods of each trajectory, 10 s each (default: 2)')  # fmt: skip
+    parser.add_argument('--pace', choices=(KEEP_UP, LOCKSTEP), default=KEEP_UP,
         help='parameter pace of fake_hardware, which sets how simulation time passes (default: '
-        '%(default)s)',
-    )
-    parser.add_argument(
-        '--priority',
-        type=int,
-        default=80,
+             '%(default)s)')  # fmt: skip
+    parser.add_argument('--priority', type=int, default=80,
         help='SCHED_FIFO priority of the bridge; 0 for the ordinary scheduler (default: '
-        '%(default)s)',
-    )
+             '%(default)s)')  # fmt: skip
     return parser.parse_args(arguments)
 
 

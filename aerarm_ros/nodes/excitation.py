@@ -76,7 +76,7 @@ PARAMETERS = ParameterTable(
         'starts; 2 with a recorder'
     ), '', 1, 100),
     Parameter('wait_for_recorder', False,
-        'wait with the motion until the recorder records joint_states and joint_command'),
+        'start the motion only when the recorder records joint_states and joint_command'),
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
@@ -113,20 +113,19 @@ class ExcitationNode:
         self._periods = self._parameters.periods or DEFAULT_PERIODS
         self._slowed = 'no'
         self._trajectory = self._get_trajectory()
-        self._diagnostics = StateDiagnostics(
-            self._node, lambda: '', self._diagnostic_values, arm.name
-        )
         self._playback = MotionPlayback(
             self._node,
             self._names,
             self._parameters.subscribers,
             self._parameters.wait_for_recorder,
-            self._diagnostics.add_rejection,
+            lambda reason: self._diagnostics.add_rejection(reason),
         )
-        self._diagnostics.watch(self._playback.states)
+        states = self._playback.states
+        self._diagnostics = StateDiagnostics(
+            self._node, states, lambda: '', self._diagnostic_values, arm.name
+        )
         self._arm_at_end = ArmAtEnd(self._node, self._parameters)
         self._player: ExcitationPlayer | None = None
-        states = self._playback.states
         self._plan = PlanTopic(self._node, self._names, lambda: states.stamp_ns, self._ahead)
 
     def run(self) -> None:

@@ -41,23 +41,16 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
     parser = OneLineParser(prog=NAME, description=__doc__.splitlines()[0])
     add = parser.add_argument
-    add(
-        '--out',
-        type=Path,
-        default=Path('trajectory.yaml'),
-        help='file for the trajectory (default: %(default)s)',
-    )
+    add('--out', type=Path, default=Path('trajectory.yaml'),
+        help='file for the trajectory (default: %(default)s)')  # fmt: skip
     add('--overwrite', action='store_true', help='overwrite existing files')
     add(
         '--preview',
         type=Path,
         help='HTML file for a preview with plots, workspace and animation of the trajectory',
     )
-    add(
-        '--validation',
-        action='store_true',
-        help='also write a slower and a faster random trajectory, for validation',
-    )
+    add('--validation', action='store_true',
+        help='also write a slower and a faster random trajectory, for validation')  # fmt: skip
     objectives = '; '.join(f'{key}: {text}' for key, text in OBJECTIVES.items())
     add('--objective', choices=list(OBJECTIVES), default=BOTH, help=objectives)
     add(
@@ -66,97 +59,44 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         default=26.0,
         help=f'largest condition number (5.2) for --objective {BOTH} (default: %(default)s)',
     )
-    add(
-        '--fundamental',
-        type=float,
-        default=0.1,
-        help='fundamental frequency f0 of the trajectory [Hz] (default: %(default)s)',
-    )
-    add(
-        '--harmonics',
-        type=int,
-        default=5,
-        help='number of harmonics N of the trajectory (default: %(default)s)',
-    )
-    add(
-        '--duration',
-        type=float,
-        default=20.0,
+    add('--fundamental', type=float, default=0.1,
+        help='fundamental frequency f0 of the trajectory [Hz] (default: %(default)s)')  # fmt: skip
+    add('--harmonics', type=int, default=5,
+        help='number of harmonics N of the trajectory (default: %(default)s)')  # fmt: skip
+    add('--duration', type=float, default=20.0,
         help='duration of the motion at full speed, a multiple of the period 1/f0 [s] (default: '
-        '%(default)s)',
-    )
-    add(
-        '--amplitude',
-        type=float,
-        default=0.35,
+             '%(default)s)')  # fmt: skip
+    add('--amplitude', type=float, default=0.35,
         help='largest Fourier coefficient of the random initial trajectories [rad] (default: '
-        '%(default)s)',
-    )
+             '%(default)s)')  # fmt: skip
     add('--torque-noise', type=float, nargs='+',
         help=(
             'standard deviation of the measured torque [Nm], one value or one per joint (default: '
             '1 %% of the effort limit)'
         ))  # fmt: skip
-    add(
-        '--bias',
-        type=float,
-        nargs='+',
-        help='joint angles about which the arm moves [rad], one value per joint',
-    )
-    add(
-        '--seed',
-        type=int,
-        default=1,
-        help='seed of the random initial trajectories (default: %(default)s)',
-    )
-    add(
-        '--starts',
-        type=int,
-        default=8,
+    add('--bias', type=float, nargs='+',
+        help='joint angles about which the arm moves [rad], one value per joint')  # fmt: skip
+    add('--seed', type=int, default=1,
+        help='seed of the random initial trajectories (default: %(default)s)')  # fmt: skip
+    add('--starts', type=int, default=8,
         help='number of random initial trajectories that the search improves (default: '
-        '%(default)s)',
-    )
-    add(
-        '--workers',
-        type=int,
-        default=os.cpu_count() or 1,
-        help='number of parallel processes (default: one per CPU)',
-    )
-    add(
-        '--time-limit',
-        type=float,
-        default=55.0,
-        help='time limit of the search [s] (default: %(default)s)',
-    )
-    add(
-        '--excitation-config',
-        type=Path,
-        help='YAML file with obstacles and with the fraction of each limit that the motion may use',
-    )
-    add(
-        '--config',
-        type=Path,
-        help='arm configuration with motors and gears (default: the packaged file)',
-    )
-    add(
-        '--urdf',
-        type=Path,
-        help='URDF of another arm. Without --config the limits in the URDF apply, and the limits '
-        'of the options below',
-    )
-    add(
-        '--locked',
-        nargs='*',
-        default=[],
-        help='joints of --urdf that the model treats as fixed, for example fingers',
-    )
-    add(
-        '--package-directory',
-        type=Path,
-        action='append',
-        default=[],
-        help='folder in which to search for the package:// meshes of the URDF',
-    )
+             '%(default)s)')  # fmt: skip
+    add('--workers', type=int, default=os.cpu_count() or 1,
+        help='number of parallel processes (default: one per CPU)')  # fmt: skip
+    add('--time-limit', type=float, default=55.0,
+        help='time limit of the search [s] (default: %(default)s)')  # fmt: skip
+    add('--excitation-config', type=Path,
+        help='YAML file with obstacles and with the fraction of each limit that the motion may '
+             'use')  # fmt: skip
+    add('--config', type=Path,
+        help='arm configuration with motors and gears (default: the packaged file)')  # fmt: skip
+    add('--urdf', type=Path,
+        help='URDF of another arm. Without --config the limits in the URDF apply, and the '
+             'limits of the options below')  # fmt: skip
+    add('--locked', nargs='*', default=[],
+        help='joints of --urdf that the model treats as fixed, for example fingers')  # fmt: skip
+    add('--package-directory', type=Path, action='append', default=[],
+        help='folder in which to search for the package:// meshes of the URDF')  # fmt: skip
     for name, what in (
         ('acceleration-limit', 'largest joint acceleration [rad/s^2]'),
         ('current-limit', 'largest motor current [A]; needs --torque-per-ampere'),

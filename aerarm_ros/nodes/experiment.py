@@ -31,6 +31,7 @@ from aerarm_ros.experiment.experiment_bench import (
 )
 from aerarm_ros.ros.process.process_end import INTERRUPTED, StopSignals, print_error
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
+from aerarm_ros.ros.programs.identifier_options import optional_path
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 NAME = 'experiment'
@@ -101,18 +102,10 @@ def _cases(text: str) -> list[ExperimentCase]:
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = OneLineParser(prog=NAME, description=(__doc__ or '').splitlines()[0])
-    parser.add_argument(
-        '--out',
-        type=Path,
-        default=Path('output') / NAME,
-        help='folder for the page (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--seed',
-        type=int,
-        default=1,
-        help='seed of the random trajectory (default: %(default)s)',
-    )
+    parser.add_argument('--out', type=Path, default=Path('output') / NAME,
+        help='folder for the page (default: %(default)s)')  # fmt: skip
+    parser.add_argument('--seed', type=int, default=1,
+        help='seed of the random trajectory (default: %(default)s)')  # fmt: skip
     parser.add_argument(
         '--amplitude',
         type=float,
@@ -121,23 +114,14 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument('--only', default='', help='run only cases whose name contains this text')
     plant = parser.add_mutually_exclusive_group()
-    plant.add_argument(
-        '--arm-seed',
-        type=int,
-        default=7,
-        help="seed of the simulated arm's random parameters (default: %(default)s)",
-    )
+    plant.add_argument('--arm-seed', type=int, default=7,
+        help="seed of the simulated arm's random parameters (default: %(default)s)")  # fmt: skip
     plant.add_argument(
         '--identified',
-        type=_file,
+        type=optional_path,
         help='URDF of an identified model, from which the simulated arm has its parameters',
     )
     return parser.parse_args(arguments)
-
-
-def _file(text: str) -> Path | None:
-    """Convert text to a path; an empty text (a launch argument without a value) gives None."""
-    return Path(text) if text else None
 
 
 def _truth(

@@ -32,69 +32,34 @@ NAME = 'ground_link'
 PARAMETERS = ParameterTable(
     Parameter('role', DRONE, 'computer on which this node runs', choices=(DRONE, GROUND)),
     Parameter('drone', '', "address of the drone's computer, needed on the ground only"),
-    Parameter(
-        'ground',
-        '',
-        'address of the ground computer; any address if empty; on the drone only',
-    ),
+    Parameter('ground', '',
+        'address of the ground computer; any address if empty; on the drone only'),
     Parameter('port', 7447, "UDP port of the drone's computer", '', 1024, 65535),
-    Parameter(
-        'address',
-        '0.0.0.0',
-        "network address at which the drone's computer receives; on the drone only",
-    ),
-    Parameter(
-        'key_file',
-        '~/.config/aerarm/ground_link.key',
+    Parameter('address', '0.0.0.0',
+        "network address at which the drone's computer receives; on the drone only"),
+    Parameter('key_file', '~/.config/aerarm/ground_link.key',
         'file with the shared key, identical on both computers; the node on the drone creates a '
-        'missing file',
-    ),
-    Parameter(
-        'rate', 50.0, 'publishing rate of joint states on the ground computer', 'Hz', 0.1, 50.0
-    ),
-    Parameter(
-        'values_rate',
-        10.0,
-        'publishing rate of all other topics on the ground computer',
-        'Hz',
-        0.1,
-        50.0,
-    ),
-    Parameter(
-        'rates', [''], 'publishing rates of single topics on the ground computer, each as NAME=HZ'
-    ),
-    Parameter(
-        'ground_timeout',
-        0.0,
+        'missing file'),
+    Parameter('rate', 50.0,
+        'publishing rate of joint states on the ground computer', 'Hz', 0.1, 50.0),
+    Parameter('values_rate', 10.0,
+        'publishing rate of all other topics on the ground computer', 'Hz', 0.1, 50.0),
+    Parameter('rates', [''],
+        'publishing rates of single topics on the ground computer, each as NAME=HZ'),
+    Parameter('ground_timeout', 0.0,
         'time without messages from the ground after which ground_lost applies; 0 for never',
-        's',
-        0.0,
-        3600.0,
-    ),
-    Parameter(
-        'ground_lost',
-        STOP,
-        "reaction of the arm if messages from the ground stop: 'continue' the motion, 'stop' along "
-        "the path, or return 'home'",
-        choices=(CONTINUE, STOP, HOME),
-    ),
-    Parameter(
-        'bags',
-        '~/aerarm_bags',
-        'folder on the drone for bags that the ground computer requests; on the drone only',
-    ),
-    Parameter(
-        'fetch_rate',
-        4.0,
-        'largest data rate at which a bag is copied to the ground; must be below the data rate of '
-        'the radio; on the ground only',
-        'Mbit/s',
-        0.05,
-        50.0,
-    ),
+        's', 0.0, 3600.0),
+    Parameter('ground_lost', STOP,
+        "reaction of the arm if messages from the ground stop: 'continue' the motion, 'stop' "
+        "along the path, or return 'home'", choices=(CONTINUE, STOP, HOME)),
+    Parameter('bags', '~/aerarm_bags',
+        'folder on the drone for bags that the ground computer requests; on the drone only'),
+    Parameter('fetch_rate', 4.0,
+        'largest data rate at which a bag is copied to the ground; must be below the data rate '
+        'of the radio; on the ground only', 'Mbit/s', 0.05, 50.0),
     *REAL_TIME_PARAMETERS,
     *(item for item in ARM_FILES if item.name in ('config', 'tf_prefix')),
-)
+)  # fmt: skip
 
 
 class GroundLink:

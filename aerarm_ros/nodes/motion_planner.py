@@ -55,8 +55,8 @@ from aerarm_ros.ros.states.state_stream import StateSampler
 
 _SETTINGS = (
     Parameter('objective', ENERGY, (
-        'quantity that the motion minimizes: energy, time, disturbance (peak moment on the base), '
-        'or none (quintic: a straight line in joint space, for comparison)'
+        'objective of the optimization: energy, time, or disturbance (peak moment on the base); '
+        'quintic is a straight line in joint space without optimization, for comparison'
     ), choices=OBJECTIVES, live=True),
     Parameter('duration', 2.0,
         'duration of each motion; 0 for the optimal duration', 's', 0.0, 60.0, live=True),

@@ -32,17 +32,11 @@ NAME = 'px4_imu'
 _ATTITUDE_AGE = 0.2
 _SPIN = 0.1  # [s] longest delay until a stop signal takes effect
 PARAMETERS = ParameterTable(
-    Parameter(
-        'sensor_topic',
-        '/fmu/out/sensor_combined',
-        'topic with angular velocity and acceleration, of type px4_msgs/SensorCombined',
-    ),
-    Parameter(
-        'attitude_topic',
-        '/fmu/out/vehicle_attitude',
-        'topic with the attitude of the drone, of type px4_msgs/VehicleAttitude',
-    ),
-)
+    Parameter('sensor_topic', '/fmu/out/sensor_combined',
+        'topic with angular velocity and acceleration, of type px4_msgs/SensorCombined'),
+    Parameter('attitude_topic', '/fmu/out/vehicle_attitude',
+        'topic with the attitude of the drone, of type px4_msgs/VehicleAttitude'),
+)  # fmt: skip
 
 
 class Px4Imu:

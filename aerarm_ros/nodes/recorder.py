@@ -41,20 +41,12 @@ from aerarm_ros.ros.recording import (
 NAME = 'recorder'
 PARAMETERS = ParameterTable(
     Parameter('bag', '', 'folder of the new bag; recording_DATE_TIME if empty'),
-    Parameter(
-        'topics',
-        SUITE_TOPICS,
-        'topics to record, each as the name of a topic of this suite, or as NAME=TYPE',
-    ),
+    Parameter('topics', SUITE_TOPICS,
+        'topics to record, each as the name of a topic of this suite, or as NAME=TYPE'),
     Parameter('compression', 'zstd', 'compression method of the bag', choices=tuple(COMPRESSIONS)),
-    Parameter(
-        'depth',
-        4000,
-        'length of the receive queue of each topic, in messages',
-        minimum=10,
-        maximum=100_000,
-    ),
-)
+    Parameter('depth', 4000,
+        'length of the receive queue of each topic, in messages', minimum=10, maximum=100_000),
+)  # fmt: skip
 
 # The recorder reads messages in batches: waking up for each message of four 1 kHz topics would need
 # ten times the processor time. The middleware stamps each message at reception.

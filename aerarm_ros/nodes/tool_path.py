@@ -30,21 +30,14 @@ NAME = 'tool_path'
 
 PARAMETERS = ParameterTable(
     Parameter('frame', 'tool0', 'link whose path is published'),
-    Parameter(
-        'rate',
-        10.0,
+    Parameter('rate', 10.0,
         'rate at which the node reads the tool position; it publishes the path if the tool has '
-        'moved',
-        'Hz',
-        0.1,
-        50.0,
-    ),
+        'moved', 'Hz', 0.1, 50.0),
     Parameter('length', 500, 'largest number of points in the published path', '', 2, 10000),
-    Parameter(
-        'distance', 0.002, 'smallest distance between two points of the path', 'm', 1e-4, 1.0
-    ),
+    Parameter('distance', 0.002,
+        'smallest distance between two points of the path', 'm', 1e-4, 1.0),
     *ARM_FILES,
-)
+)  # fmt: skip
 
 
 class ToolPath:

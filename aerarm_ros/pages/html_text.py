@@ -178,15 +178,19 @@ def _shown(value: object) -> str:
 _PACKAGE = 'aerarm_ros'
 
 
+def package_version() -> str:
+    """Return the version of the installed package, or 'not installed'."""
+    try:
+        return metadata.version(_PACKAGE)
+    except metadata.PackageNotFoundError:
+        return 'not installed'
+
+
 def origin(arguments: Sequence[str] | None = None) -> dict[str, str]:
     """Return date, version and command line of the program that writes a report."""
     program, *rest = sys.argv if arguments is None else arguments
-    try:
-        version = metadata.version(_PACKAGE)
-    except metadata.PackageNotFoundError:
-        version = 'not installed'
     return {
         'made': f'{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}',
-        'by': f'{_PACKAGE} {version}',
+        'by': f'{_PACKAGE} {package_version()}',
         'command': shlex.join([Path(program).name, *rest]),
     }

@@ -120,7 +120,7 @@ def test_ended_early_it_leaves_no_process_and_a_marked_folder(
     assert 'Traceback' not in log.read_text() + (out / 'logs' / 'fake_hardware.log').read_text()
     if sent is not signal.SIGKILL:
         assert log.read_text().splitlines()[-1] == (
-            f'demo: interrupted, all nodes were stopped; {out} is incomplete'
+            f'demo: interrupted, all nodes were stopped; the results in {out} are incomplete'
         )
 
 

@@ -122,7 +122,7 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     assert 'the fastest motion takes' in refused['text']
     point.header.frame_id = 'camera'
     assert "its frame is 'camera'" in desk.ask(topics.TOOL_GOAL, point)['text']
-    assert 'must have 4 positions' in desk.ask(topics.JOINT_GOAL, JointState(name=NAMES))['text']
+    assert 'set 4 positions' in desk.ask(topics.JOINT_GOAL, JointState(name=NAMES))['text']
     assert 'elbow' in desk.ask(topics.JOINT_GOAL, JointState(name=['elbow']))['text']
     assert not desk.set('payload.inertial_parameters', [-1.0, *[0.0] * 9])  # of no body
     desk.dq = np.array([0.0, 0.3, 0.0, 0.0])

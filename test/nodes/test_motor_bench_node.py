@@ -90,7 +90,7 @@ def test_sigint_stops_the_arm_and_leaves_nothing(
 
 
 def test_the_log_states_the_awaited_conditions(ros_domain: dict[str, str], tmp_path: Path) -> None:
-    assert 'waited 1 s, but ' in refusal(tmp_path, wait_timeout=1.0)
+    assert 'the motion could not start within 1 s: ' in refusal(tmp_path, wait_timeout=1.0)
     assert not (tmp_path / 'results').exists()
 
 
@@ -101,7 +101,7 @@ def test_the_log_states_the_awaited_conditions(ros_domain: dict[str, str], tmp_p
         ({'speeds': [0.5]}, 'two or more different'),
         ({'posture': [0.0, 1.5]}, 'posture has 2 values'),
         ({'without_mass': '/nowhere/motor_bench.yaml'}, '/nowhere/motor_bench.yaml'),
-        ({'known_mass': 0.2, 'known_mass_position': [0.1]}, 'needs x, y and z'),
+        ({'known_mass': 0.2, 'known_mass_position': [0.1]}, 'set x, y and z'),
         ({'config': '/nowhere/arm.yaml'}, '/nowhere/arm.yaml'),
     ],
 )

@@ -126,7 +126,7 @@ def test_a_saturated_drive_is_named(known: ContactEstimatorNode, run: CarryingRu
 
 
 def test_without_thresholds_the_error_states_how_to_learn_them(make: Make) -> None:
-    with pytest.raises(ValueError, match='residuals_file is not set: learn thresholds'):
+    with pytest.raises(ValueError, match='residuals_file is not set: learn the contact thresholds'):
         make()
 
 

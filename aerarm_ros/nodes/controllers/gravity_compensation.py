@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from aerarm_ros.control.checks import non_negative
+from aerarm_ros.control.checks import RejectedInputError, non_negative
 from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
@@ -24,27 +24,16 @@ KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]
 
 PARAMETERS = controller_parameters(
     *TRAJECTORY_PARAMETERS,
-    Parameter(
-        'kp', KP, 'proportional gains, one value or one per joint', 'Nm/rad', 0.0, 1e4, live=True
-    ),
-    Parameter(
-        'kd', KD, 'derivative gains, one value or one per joint', 'Nms/rad', 0.0, 1e3, live=True
-    ),
-    Parameter(
-        'hand_guiding',
-        False,
-        'fade the gains to zero, so that a person can move the arm by hand',
-        live=True,
-    ),
-    Parameter(
-        'hand_friction',
-        0.7,
+    Parameter('kp', KP,
+        'proportional gains, one value or one per joint', 'Nm/rad', 0.0, 1e4, live=True),
+    Parameter('kd', KD,
+        'derivative gains, one value or one per joint', 'Nms/rad', 0.0, 1e3, live=True),
+    Parameter('hand_guiding', False,
+        'fade the gains to zero, so that a person can move the arm by hand', live=True),
+    Parameter('hand_friction', 0.7,
         'fraction of the joint friction that the controller compensates during hand guiding',
-        '',
-        0.0,
-        0.95,
-    ),
-)
+        '', 0.0, 0.95),
+)  # fmt: skip
 
 
 class GravityCompensationNode(TrajectoryController):
@@ -69,11 +58,13 @@ class GravityCompensationNode(TrajectoryController):
         limit = arm.compensation_max(values)
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
-    def refusal(self) -> str:
-        """Return why hand guiding excludes trajectories and set points now, or an empty text."""
-        if not self.law.hand_guiding:
-            return ''
-        return 'references are rejected while hand_guiding is true: set hand_guiding to false first'
+    def require_commandable(self, what: str) -> None:
+        """Raise RejectedInputError if `what` cannot move the arm now, as during hand guiding."""
+        super().require_commandable(what)
+        if self.law.hand_guiding:
+            raise RejectedInputError(
+                f'{what} rejected while hand_guiding is true: set hand_guiding to false first'
+            )
 
     def ahead(self, times: Array) -> JointReference | None:
         """Return the planned motion at times (M,) [s], None while a person moves the arm."""

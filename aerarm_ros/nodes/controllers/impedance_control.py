@@ -29,47 +29,23 @@ PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
     # A fraction below one of friction compensation by measured velocity keeps the arm passive.
-    Parameter(
-        'friction_fraction',
-        0.7,
-        'fraction of the modelled joint friction that the controller compensates',
-        '',
-        0.0,
-        0.95,
-    ),
+    Parameter('friction_fraction', 0.7,
+        'fraction of the modelled joint friction that the controller compensates', '', 0.0, 0.95),
     # The observer must not compensate contact forces.
     *observer_parameters(compensation=0.0),
     *PAYLOAD_COMPENSATION_PARAMETERS,
-    Parameter(
-        'stiffness',
-        [300.0],
+    Parameter('stiffness', [300.0],
         'translational stiffness of the tool, one value or one per axis x, y, z',
-        'N/m',
-        0.0,
-        1e5,
-        live=True,
-    ),
-    Parameter(
-        'damping',
-        [40.0],
+        'N/m', 0.0, 1e5, live=True),
+    Parameter('damping', [40.0],
         'translational damping of the tool, one value or one per axis x, y, z',
-        'Ns/m',
-        0.0,
-        1e4,
-        live=True,
-    ),
-    Parameter(
-        'rest_stiffness',
-        2.0,
+        'Ns/m', 0.0, 1e4, live=True),
+    Parameter('rest_stiffness', 2.0,
         'joint stiffness towards the home configuration, in the null space of the tool',
-        'Nm/rad',
-        0.0,
-        100.0,
-    ),
-    Parameter(
-        'rest_damping', 0.3, 'joint damping in the null space of the tool', 'Nms/rad', 0.0, 100.0
-    ),
-)
+        'Nm/rad', 0.0, 100.0),
+    Parameter('rest_damping', 0.3,
+        'joint damping in the null space of the tool', 'Nms/rad', 0.0, 100.0),
+)  # fmt: skip
 
 
 class ImpedanceControlNode(ControllerNode):

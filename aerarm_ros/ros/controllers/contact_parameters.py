@@ -1,4 +1,4 @@
-"""Parameters of `contact_estimator`, for the node and for its command line."""
+"""Parameters of the node `contact_estimator`, which are also options of its command line."""
 
 from __future__ import annotations
 

@@ -122,23 +122,20 @@ class ControllerNode(StateNode):
         self._reaction = reaction
         return reaction
 
-    def commandable_problem(self, what: str) -> str:
-        """Return why the topic or action `what` cannot move the arm now; '' if it can."""
-        if self._mode in COMMANDABLE:
-            return ''
-        mode = self._mode or 'unknown'
-        return (
-            f"{what} rejected, because the arm is in mode '{mode}': first run "
-            f'{to_switch_on(mode)}, or clear the fault'
-        )
+    def require_commandable(self, what: str) -> None:
+        """Raise RejectedInputError if the topic or action `what` cannot move the arm now."""
+        if self._mode not in COMMANDABLE:
+            mode = self._mode or 'unknown'
+            raise RejectedInputError(
+                f"{what} rejected, because the arm is in mode '{mode}': first run "
+                f'{to_switch_on(mode)}, or clear the fault'
+            )
 
     def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
         """Subscribe to a reference topic; reject its messages while the bridge ignores commands."""
 
         def take(message: Any, now: float) -> None:
-            problem = self.commandable_problem(topic.name)
-            if problem:
-                raise RejectedInputError(problem)
+            self.require_commandable(topic.name)
             act(message, now)
 
         self.listen(topic, take)

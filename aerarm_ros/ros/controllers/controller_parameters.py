@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import InertiaStamped
+from geometry_msgs.msg import InertiaStamped, WrenchStamped
 from std_msgs.msg import Header
 
 from aerarm_ros.control.base.base_motion import Mount
@@ -75,6 +75,14 @@ def inertia_message(header: Header, mass: float, centre: Array, inertia: Array) 
     return message
 
 
+def wrench_message(header: Header, wrench: Array) -> WrenchStamped:
+    """Return a message with force [N] and moment [Nm], given as one array (6,)."""
+    message = WrenchStamped(header=header)
+    f, m = message.wrench.force, message.wrench.torque
+    f.x, f.y, f.z, m.x, m.y, m.z = wrench.tolist()
+    return message
+
+
 def body_of_message(message: InertiaStamped) -> Array:
     """Return the inertial parameters (10,) of the body in a message; raises ValueError."""
     body = message.inertia
@@ -124,16 +132,10 @@ ARM_PARAMETERS = grouped(
 
 LOOP_PARAMETERS = grouped(
     'Real time',
-    Parameter(
-        'state_timeout',
-        0.1,
-        'time without joint_states after which the node warns',
-        's',
-        0.005,
-        10.0,
-    ),
+    Parameter('state_timeout', 0.1,
+        'time without joint_states after which the node warns', 's', 0.005, 10.0),
     *REAL_TIME_PARAMETERS,
-)
+)  # fmt: skip
 
 # The same key as in payload.yaml, so that payload.yaml can be used as a parameter file.
 PAYLOAD = 'payload.inertial_parameters'
@@ -219,87 +221,39 @@ ROTOR_PARAMETERS = grouped(
 
 FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
     'Trajectory tracking',
-    Parameter(
-        'interpolation',
-        'quintic',
-        'degree of the polynomials between trajectory points',
-        choices=('cubic', 'quintic'),
-    ),
-    Parameter(
-        'start_tolerance',
-        0.1,
+    Parameter('interpolation', 'quintic',
+        'degree of the polynomials between trajectory points', choices=('cubic', 'quintic')),
+    Parameter('start_tolerance', 0.1,
         'largest accepted distance of the first trajectory point from the present reference',
-        'rad',
-        0.0,
-        3.0,
-    ),
-    Parameter(
-        'path_tolerance',
-        0.3,
-        'tracking error at which the controller aborts a motion; 0 for no check',
-        'rad',
-        0.0,
-        10.0,
-    ),
-    Parameter(
-        'goal_tolerance',
-        0.01,
+        'rad', 0.0, 3.0),
+    Parameter('path_tolerance', 0.3,
+        'tracking error at which the controller aborts a motion; 0 for no check', 'rad', 0.0, 10.0),
+    Parameter('goal_tolerance', 0.01,
         'joint position error below which a goal counts as reached; 0 for no check',
-        'rad',
-        0.0,
-        1.0,
-    ),
-    Parameter(
-        'goal_time',
-        1.0,
+        'rad', 0.0, 1.0),
+    Parameter('goal_time', 1.0,
         'time limit from the end of the trajectory until the arm reaches the goal; 0 for no limit',
-        's',
-        0.0,
-        60.0,
-    ),
-    Parameter(
-        'allow_partial_joints_goal',
-        True,
-        'accept trajectories that omit joints; the omitted joints hold their positions',
-    ),
-    Parameter(
-        'stream_timeout',
-        0.1,
+        's', 0.0, 60.0),
+    Parameter('allow_partial_joints_goal', True,
+        'accept trajectories that omit joints; the omitted joints hold their positions'),
+    Parameter('stream_timeout', 0.1,
         'time since the last point of a stream after which the controller stops the motion',
-        's',
-        0.005,
-        10.0,
-    ),
-)
+        's', 0.005, 10.0),
+)  # fmt: skip
 
 REACTION = 'contact_reaction'
 REACTION_PARAMETERS = grouped(
     'Contact',
-    Parameter(
-        REACTION,
-        Reaction.REPORT.value,
-        'reaction of the controller to a contact that contact_estimator publishes: report it only, '
-        'stop along the path, retreat after the stop, or comply',
-        choices=REACTIONS,
-        live=True,
-    ),
-    Parameter(
-        'retreat_time',
-        0.3,
+    Parameter(REACTION, Reaction.REPORT.value,
+        'reaction of the controller to a contact that contact_estimator publishes: report it '
+        'only, stop along the path, retreat after the stop, or comply',
+        choices=REACTIONS, live=True),
+    Parameter('retreat_time', 0.3,
         'the arm retreats to the position that its reference had this time before the contact',
-        's',
-        0.01,
-        5.0,
-    ),
-    Parameter(
-        'comply_stiffness',
-        0.02,
-        'fraction of kp that the controller applies while it complies',
-        '',
-        1e-4,
-        1.0,
-    ),
-)
+        's', 0.01, 5.0),
+    Parameter('comply_stiffness', 0.02,
+        'fraction of kp that the controller applies while it complies', '', 1e-4, 1.0),
+)  # fmt: skip
 
 
 class CarryingModel(Protocol):
@@ -324,9 +278,6 @@ class ControlledArm:
         """Read URDF, configuration and drone file; raises ValueError if one cannot be used."""
         config, robot = load_arm(values)
         drone = load_drone(values, config, robot)
-        if drone is not None:
-            # The pose of the arm on the drone determines the direction of gravity.
-            robot = robot.with_gravity(drone.gravity_in_base)
         return cls(config, robot, JointLimits.from_config(config), drone)
 
     def dynamics(self, values: SimpleNamespace) -> MovingBaseDynamics:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import AccelStamped, PointStamped, WrenchStamped
+from geometry_msgs.msg import AccelStamped, PointStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -38,6 +38,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     ControlledArm,
     inertia_message,
     load_share,
+    wrench_message,
 )
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.states.flight_stream import RotorCommands, checked_odometry
@@ -193,43 +194,25 @@ class LoadTopics:
             acceleration = at_drone_centre(acceleration, self._drone)
             header = base_header(stamp_ns, self._body)
         message = AccelStamped(header=header)
-        _fill(message.accel.linear, acceleration[:3])
-        _fill(message.accel.angular, acceleration[3:])
+        a, w = message.accel.linear, message.accel.angular
+        a.x, a.y, a.z, w.x, w.y, w.z = acceleration.tolist()
         self._publish(self._acceleration, message)
-
-
-def wrench_message(header: Header, wrench: NDArray[np.float64]) -> WrenchStamped:
-    """Return a message with force [N] and moment [Nm], given as one array (6,)."""
-    message = WrenchStamped(header=header)
-    _fill(message.wrench.force, wrench[:3])
-    _fill(message.wrench.torque, wrench[3:])
-    return message
 
 
 def _point_message(header: Header, point: NDArray[np.float64]) -> PointStamped:
     message = PointStamped(header=header)
-    _fill(message.point, point)
+    message.point.x, message.point.y, message.point.z = point.tolist()
     return message
-
-
-def _fill(message: Any, vector: NDArray[np.float64]) -> None:
-    message.x, message.y, message.z = vector.tolist()
 
 
 PUBLISHED = 'published'
 BANDWIDTH = 'contact_bandwidth'
 CONTACT_PARAMETERS = grouped(
     'Contact of the drone',
-    Parameter(
-        BANDWIDTH,
-        1.0,
+    Parameter(BANDWIDTH, 1.0,
         'cutoff frequency of the first-order low-pass that smooths contact_wrench',
-        'Hz',
-        0.05,
-        20.0,
-        live=True,
-    ),
-)
+        'Hz', 0.05, 20.0, live=True),
+)  # fmt: skip
 _PERIOD_NS = 2_000_000  # [ns] between two checks for odometry and rotor commands
 
 

@@ -167,14 +167,6 @@ class StateNode:
         self.arm = ControlledArm.from_parameters(self.values)
         self.base = self.arm.base(self.values)
         self.build()
-        self.diagnostics = StateDiagnostics(
-            self.node,
-            self.warning,
-            self.describe,
-            self.arm.config.name,
-            WaitingNotice(time.monotonic()),
-            self.answers_every_state,
-        )
         self._stream = StateStream(
             self.node,
             self.arm.config.joint_names,
@@ -186,7 +178,15 @@ class StateNode:
             self.answers_every_state,
         )
         self.answers = self._stream.answers
-        self.diagnostics.watch(self._stream)
+        self.diagnostics = StateDiagnostics(
+            self.node,
+            self._stream,
+            self.warning,
+            self.describe,
+            self.arm.config.name,
+            WaitingNotice(time.monotonic()),
+            self.answers_every_state,
+        )
         self.connect()
 
     # Methods for derived nodes to override.

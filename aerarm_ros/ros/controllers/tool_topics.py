@@ -20,26 +20,14 @@ from aerarm_ros.ros.states.state_stream import base_header
 
 TARGET_PARAMETERS = (
     Parameter('frame', 'tool0', 'link that the controller moves'),
-    Parameter(
-        'target_frequency',
-        15.0,
+    Parameter('target_frequency', 15.0,
         'natural frequency of the second-order filter that moves the reference to the target',
-        'rad/s',
-        0.1,
-        100.0,
-    ),
-    Parameter(
-        'tool_velocity_max', 0.8, "largest velocity of the tool's reference", 'm/s', 1e-3, 10.0
-    ),
-    Parameter(
-        'tool_acceleration_max',
-        4.0,
-        "largest acceleration of the tool's reference",
-        'm/s^2',
-        1e-2,
-        100.0,
-    ),
-)
+        'rad/s', 0.1, 100.0),
+    Parameter('tool_velocity_max', 0.8,
+        "largest velocity of the tool's reference", 'm/s', 1e-3, 10.0),
+    Parameter('tool_acceleration_max', 4.0,
+        "largest acceleration of the tool's reference", 'm/s^2', 1e-2, 100.0),
+)  # fmt: skip
 
 
 def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetFollower:

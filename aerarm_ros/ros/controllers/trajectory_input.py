@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -57,36 +57,6 @@ TRAJECTORY_PARAMETERS = (
 
 # [s] A trajectory may start at most this long before and after the present time.
 _MAX_BEFORE, _MAX_AFTER = 1.0, 60.0
-
-
-def follow_trajectory(
-    follower: TrajectoryFollower,
-    message: TrajectoryMessage,
-    now: float,
-    partial: bool = False,
-    reaction: ContactReaction | None = None,
-) -> None:
-    """Start a trajectory at the time of its stamp, or at `now` [s] if the stamp is zero.
-
-    A trajectory without points stops the arm. Raises RejectedInputError.
-
-    Parameters
-    ----------
-    follower, message, now
-        Trajectory follower, trajectory message, and present time [s].
-    partial
-        Whether the message may omit joints; omitted joints stay at their present reference.
-    reaction
-        Contact reaction, which rejects streamed points during contact.
-    """
-    if not message.points:
-        follower.stop(now, 'stopped: empty trajectory')
-        return
-    staying = follower.reference.q if partial else None
-    trajectory, start = read_trajectory(follower.limits, message, now, staying)
-    if reaction is not None and trajectory.is_single_point:
-        reaction.check_stream()
-    follower.follow(trajectory, now, start)
 
 
 def read_trajectory(
@@ -177,30 +147,6 @@ _FEEDBACK_PERIOD = 0.05  # [s]
 _BILLION = 1_000_000_000
 
 
-def serve_trajectories(
-    controller: ControllerNode,
-    follower: TrajectoryFollower,
-    problem: Callable[[], str] = lambda: '',
-) -> None:
-    """Serve the action `~/follow_joint_trajectory` if control_msgs is installed.
-
-    Parameters
-    ----------
-    controller, follower
-        Controller, and its trajectory follower.
-    problem
-        Returns why the controller accepts no goal now, or an empty text.
-    """
-    if find_spec('control_msgs') is None:
-        controller.node.get_logger().info(
-            f'control_msgs is not installed, so the action ~/{NAME} is not available: install '
-            'ros-jazzy-control-msgs, or send trajectories on the topic joint_trajectory'
-        )
-        return
-    action_type = import_module('control_msgs.action').FollowJointTrajectory
-    controller.attend(TrajectoryAction(controller, follower, action_type, problem))
-
-
 class TrajectoryController(ControllerNode):
     """Base class of controllers that follow joint trajectories and set points.
 
@@ -216,10 +162,6 @@ class TrajectoryController(ControllerNode):
     law: Any
     reaction: ContactReaction
 
-    def refusal(self) -> str:
-        """Return why the controller accepts no trajectory or set point now, or an empty text."""
-        return ''
-
     def ahead(self, times: npt.NDArray[np.float64]) -> JointReference | None:
         """Return the planned motion at times (M,) [s]."""
         return self.follower.ahead(times)
@@ -227,21 +169,20 @@ class TrajectoryController(ControllerNode):
     def subscribe(self) -> None:
         """Subscribe to trajectories, set points and payload, and serve the trajectory action."""
         self.reaction = self.react_to_contact(self.follower, self.law)
-        partial = self.values.allow_partial_joints_goal
-
-        def trajectory(message: TrajectoryMessage, now: float) -> None:
-            self._check()
-            follow_trajectory(self.follower, message, now, partial, self.reaction)
 
         def set_point(message: JointState, now: float) -> None:
-            self._check()
             go_to_set_point(self.follower, message, now)
 
-        self.take_references(topics.JOINT_TRAJECTORY, trajectory)
+        self.take_references(topics.JOINT_TRAJECTORY, self._on_trajectory)
         self.take_references(topics.SET_POINT, set_point)
-        serve_trajectories(self, self.follower, self.refusal)
+        self._serve_trajectories()
         self.publish_plan(self.ahead)
         self.take_payload()
+
+    def read(self, message: TrajectoryMessage, now: float) -> tuple[JointTrajectory, float | None]:
+        """Return the trajectory and the start time of a message, as `read_trajectory`."""
+        staying = self.follower.reference.q if self.values.allow_partial_joints_goal else None
+        return read_trajectory(self.follower.limits, message, now, staying)
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change the control gains or the reaction to contact."""
@@ -255,9 +196,26 @@ class TrajectoryController(ControllerNode):
         motion = {'motion': self.follower.status, 'last motion': self.follower.outcome}
         return {**super().describe(), **motion}
 
-    def _check(self) -> None:
-        if problem := self.refusal():
-            raise RejectedInputError(problem)
+    def _on_trajectory(self, message: TrajectoryMessage, now: float) -> None:
+        """Start a trajectory; a trajectory without points stops the arm."""
+        if not message.points:
+            self.follower.stop(now, 'stopped: empty trajectory')
+            return
+        trajectory, start = self.read(message, now)
+        if trajectory.is_single_point:
+            self.reaction.check_stream()
+        self.follower.follow(trajectory, now, start)
+
+    def _serve_trajectories(self) -> None:
+        """Serve the action `~/follow_joint_trajectory` if control_msgs is installed."""
+        if find_spec('control_msgs') is None:
+            self.node.get_logger().info(
+                f'control_msgs is not installed, so the action ~/{NAME} is not available: install '
+                'ros-jazzy-control-msgs, or send trajectories on the topic joint_trajectory'
+            )
+            return
+        action_type = import_module('control_msgs.action').FollowJointTrajectory
+        self.attend(TrajectoryAction(self, action_type))
 
 
 class TrajectoryAction:
@@ -268,27 +226,18 @@ class TrajectoryAction:
 
     Parameters
     ----------
-    controller, follower
-        Controller, and its trajectory follower.
+    controller
+        Controller, whose follower executes the goals.
     action_type
         control_msgs/action/FollowJointTrajectory.
-    problem
-        Returns why the controller accepts no goal now, or an empty text.
     """
 
-    def __init__(
-        self,
-        controller: ControllerNode,
-        follower: TrajectoryFollower,
-        action_type: Any,
-        problem: Callable[[], str],
-    ) -> None:
+    def __init__(self, controller: TrajectoryController, action_type: Any) -> None:
         self._controller = controller
-        self._follower = follower
+        self._follower = controller.follower
         self._type = action_type
-        self._problem = problem
-        self._goals = TrajectoryGoals(follower)
-        self._own = follower.tolerances
+        self._goals = TrajectoryGoals(self._follower)
+        self._own = self._follower.tolerances
         # Goals without a result, and goals that have ended with a result, by their ids.
         self._waiting: dict[Any, tuple[Any, Future]] = {}
         self._ended: deque[tuple[Any, GoalResult]] = deque()
@@ -322,20 +271,13 @@ class TrajectoryAction:
 
     def _start(self, handle: Any, now: float) -> None:
         try:
-            problem = self._controller.commandable_problem(NAME) or self._problem()
-            if problem:
-                raise RejectedInputError(problem)
-            trajectory, start = self._read(handle.request, now)
+            self._controller.require_commandable(NAME)
+            trajectory, start = self._controller.read(handle.request.trajectory, now)
             ended = self._goals.start(_id(handle), trajectory, now, start, self._tolerances(handle))
         except RejectedInputError as error:
             self._end([(_id(handle), GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))])
             raise
         self._end(ended)
-
-    def _read(self, request: Any, now: float) -> tuple[JointTrajectory, float | None]:
-        partial = self._controller.values.allow_partial_joints_goal
-        staying = self._follower.reference.q if partial else None
-        return read_trajectory(self._follower.limits, request.trajectory, now, staying)
 
     def _tolerances(self, handle: Any) -> FollowerTolerances:
         request, time = handle.request, handle.request.goal_time_tolerance
@@ -361,9 +303,7 @@ class TrajectoryAction:
 
     def _judge(self, request: Any) -> GoalResponse:
         try:
-            problem = self._controller.commandable_problem(NAME) or self._problem()
-            if problem:
-                raise RejectedInputError(problem)
+            self._controller.require_commandable(NAME)
             if not request.trajectory.points:
                 raise RejectedInputError(
                     f'{NAME} rejected, because the trajectory has no points: add at least one point'
@@ -375,7 +315,7 @@ class TrajectoryAction:
                 )
             now = self._controller.stamp_ns / _BILLION
             # The goal is checked with the present state, and again when the loop starts it.
-            trajectory, start = self._read(request, now)
+            trajectory, start = self._controller.read(request.trajectory, now)
             self._follower.check_goal(trajectory, now, start)
         except RejectedInputError as error:
             self._controller.reject(str(error))

@@ -126,25 +126,15 @@ def load_drone(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Dron
 
 REAL_TIME_PARAMETERS = grouped(
     'Real time',
-    Parameter(
-        'realtime_priority',
-        0,
+    Parameter('realtime_priority', 0,
         'SCHED_FIFO priority of the real-time thread; 0 for the ordinary scheduler',
-        minimum=0,
-        maximum=98,
-    ),
-    Parameter(
-        'lock_memory',
-        False,
-        'lock the memory of the process in RAM, so that page faults cause no delay',
-    ),
-    Parameter(
-        'keep_cpus_awake',
-        False,
+        minimum=0, maximum=98),
+    Parameter('lock_memory', False,
+        'lock the memory of the process in RAM, so that page faults cause no delay'),
+    Parameter('keep_cpus_awake', False,
         'keep idle CPUs out of sleep states while the node runs; this reduces delays, but '
-        'increases power consumption and heat',
-    ),
-)
+        'increases power consumption and heat'),
+)  # fmt: skip
 
 
 def prepare_thread(values: SimpleNamespace, logger: RcutilsLogger) -> None:

@@ -33,6 +33,7 @@ from aerarm_ros.description.robot import STANDARD_GRAVITY
 from aerarm_ros.description.urdf_document import UrdfDocument
 from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.programs.identifier_options import pair
 
 # Topics of this suite with positions that are no measurement of the arm.
 _SUITE_TOPICS = ('tool_pose', 'tool_trajectory', 'tool_goal', 'arm_com', 'flight_set_point')
@@ -99,11 +100,13 @@ def read_input(path: Path, urdf: str, options: argparse.Namespace) -> Calibrator
 
 
 def find_chain(
-    inputs: Sequence[CalibratorInput], urdf: str, options: argparse.Namespace, gravity: object
+    inputs: Sequence[CalibratorInput],
+    urdf: str,
+    options: argparse.Namespace,
+    gravity: Sequence[float] | None,
 ) -> Chain:
     """Return the kinematic chain of the joints that occur in all input files."""
     recorded = [name for name in inputs[0].joints if all(name in one.joints for one in inputs)]
-    assert gravity is None or isinstance(gravity, list | tuple)
     return chain_of(urdf, recorded, options.link, options.lock, gravity or STANDARD_GRAVITY)
 
 
@@ -161,7 +164,7 @@ def _eye_in_hand(poses: Sequence[str], path: Path, options: argparse.Namespace) 
 def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
     document = UrdfDocument(urdf)
     known = [name for name, joint in document.joints.items() if joint.is_driven]
-    rename = dict(_pair(text) for text in options.rename)
+    rename = dict(pair(text, '--rename', 'COLUMN=JOINT') for text in options.rename)
     prismatic = [name for name in known if document.joints[name].kind == 'prismatic']
     table = read_postures(path, known, options.length_unit, options.degrees, rename, prismatic)
     for name in options.ignore:
@@ -182,7 +185,7 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
         series = read_poses(path, options.sensors, options.frames)
     messages += [str(w.message) for w in caught if issubclass(w.category, BagWarning)]
     states = contents.joint_states['/' + options.topic.lstrip('/')]
-    rename = dict(_pair(text) for text in options.rename)
+    rename = dict(pair(text, '--rename', 'COLUMN=JOINT') for text in options.rename)
     names = tuple(rename.get(name, name) for name in states.names)
     order = np.argsort(states.stamp, kind='stable')
     kept = np.concatenate([[True], np.diff(states.stamp[order]) > 0.0])
@@ -393,10 +396,3 @@ def _stacked(source: Source, parts: Sequence[Source]) -> Source:
     assert isinstance(source, PlaneSource)
     touches = np.concatenate([p.touches for p in parts if isinstance(p, PlaneSource)])
     return replace(source, touches=touches)
-
-
-def _pair(text: str) -> tuple[str, str]:
-    left, equals, right = text.partition('=')
-    if not (left and equals and right):
-        raise CalibrationError(f'--rename {text} is invalid: write COLUMN=JOINT')
-    return left, right

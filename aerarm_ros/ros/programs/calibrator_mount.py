@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +25,7 @@ from aerarm_ros.description.robot import read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.pages.html_text import origin, page, paragraph, section, table
 from aerarm_ros.ros.programs.calibrator_input import FlightRecording, read_flight
+from aerarm_ros.ros.programs.identifier_options import result_folder
 
 DRONE, REPORT = 'drone.yaml', 'report.html'
 MOUNT_FILES = (DRONE, REPORT, MARKER)
@@ -71,8 +70,7 @@ class MountRun:
             If the bag cannot be used, or the result cannot be written.
         """
         options = self._options
-        default = Path('output') / time.strftime('mount_%Y%m%d_%H%M%S', options.started)
-        with ResultDirectory(options.out or default, files=MOUNT_FILES) as directory:
+        with ResultDirectory(result_folder(options, 'mount'), files=MOUNT_FILES) as directory:
             flight = read_flight(options.bag[0], options)
             mount = self._mount(flight)
             imu = self._imu(flight)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -30,12 +28,12 @@ from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.description.robot import read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.ros.programs.calibrator_input import (
-    CalibratorInput,
     find_chain,
     joined,
     read_input,
     to_observations,
 )
+from aerarm_ros.ros.programs.identifier_options import result_folder
 
 URDF, YAML, CONFIG, REPORT = 'calibrated.urdf', 'calibration.yaml', 'arm.yaml', 'report.html'
 RESULT_FILES = (URDF, YAML, CONFIG, REPORT, MARKER)
@@ -91,8 +89,9 @@ class CalibratorRun:
             If the input cannot be used, or the result cannot be written.
         """
         options = self._options
-        default = Path('output') / time.strftime('calibration_%Y%m%d_%H%M%S', options.started)
-        with ResultDirectory(options.out or default, files=RESULT_FILES) as directory:
+        with ResultDirectory(
+            result_folder(options, 'calibration'), files=RESULT_FILES
+        ) as directory:
             calibration, mapping = self._calibrate()
             self._write(calibration, mapping, directory)
         report = directory.target / REPORT
@@ -102,13 +101,14 @@ class CalibratorRun:
         options = self._options
         training = [read_input(path, self._urdf, options) for path in options.bag]
         validation = [read_input(path, self._urdf, options) for path in options.validation]
-        gravity = options.gravity or (self._config and self._config.gravity_in_base)
+        gravity = options.gravity or (self._config.gravity_in_base if self._config else None)
         chain = find_chain([*training, *validation], self._urdf, options, gravity)
         observations = joined([to_observations(one, chain, options) for one in training])
         held_out = [
             HeldOut(one.path.stem, to_observations(one, chain, options)) for one in validation
         ]
-        mapping = _mapping([*training, *validation])
+        inputs = [*training, *validation]
+        mapping = [f'{one.path.name}: {text}' for one in inputs for text in one.mapping]
         mapping.append(f'markers and poses are attached to link {chain.link}')
         if chain.ignored:
             mapping.append(
@@ -148,13 +148,6 @@ def _divided(observations: Observations, share: float) -> tuple[Observations, Ob
         )
     order = np.random.default_rng(_SEED).permutation(count)
     return observations.rows(np.sort(order[out:])), observations.rows(np.sort(order[:out]))
-
-
-def _mapping(inputs: Sequence[CalibratorInput]) -> list[str]:
-    lines: list[str] = []
-    for one in inputs:
-        lines += [f'{one.path.name}: {text}' for text in one.mapping]
-    return lines
 
 
 def _print(texts: Iterable[str]) -> None:

@@ -43,11 +43,17 @@ from aerarm_ros.ros.process.process_end import USER_ERROR, print_error
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
 from aerarm_ros.ros.programs.identifier_options import add_arm_options
 from aerarm_ros.ros.programs.identifier_run import RecordedArm
-from aerarm_ros.ros.programs.payload_replay import known_arm, run_replay
+from aerarm_ros.ros.programs.payload_replay import (
+    add_parameters,
+    check_parameters,
+    known_arm,
+    run_replay,
+)
 
 REPORT = 'contacts.html'
 
 _FILES = (RESIDUALS, REPORT, MARKER)
+_PARAMETERS = (GAIN_PARAMETER, *CONTACT_ESTIMATOR_PARAMETERS)
 _PLOT_POINTS = 3000  # largest number of points per curve
 _PAYLOAD_RADIUS = 0.05  # [m] radius of the ball that represents the body of --payload
 # A recording ignores the effort limit of a joint if this quantile of its torque exceeds the
@@ -118,12 +124,7 @@ def replay_parser(name: str) -> OneLineParser:
         '--out', type=Path, metavar='DIR', help=f'folder for {REPORT} and {RESIDUALS}'
     )
     add_arm_options(parser)
-    for parameter in (GAIN_PARAMETER, *CONTACT_ESTIMATOR_PARAMETERS):
-        unit = f' [{parameter.unit}]' if parameter.unit else ''
-        parser.add_argument(
-            _option(parameter.name), type=float, default=parameter.default, metavar='X',
-            help=f'{parameter.description}{unit} (default: %(default)g)',
-        )  # fmt: skip
+    add_parameters(parser, _PARAMETERS)
     return parser
 
 
@@ -177,10 +178,7 @@ class ContactReplay:
         self._options = options
         self._is_stopped = is_stopped
         self.failures: dict[str, Exception] = {}
-        for parameter in (GAIN_PARAMETER, *CONTACT_ESTIMATOR_PARAMETERS):
-            if problem := parameter.problem(getattr(options, parameter.name)):
-                text = problem.removeprefix(f'parameter {parameter.name}')
-                raise IdentificationError(f'{_option(parameter.name)}{text}')
+        check_parameters(options, _PARAMETERS)
         if bool(options.free) == (options.residuals is not None):
             raise IdentificationError(
                 'the search needs contact thresholds from exactly one source: pass --free BAG '
@@ -472,7 +470,3 @@ def _figures(number: int, bag: SearchedBag) -> Html:
         }  # fmt: skip
         parts.append(figure_html(f'bag{number}-joint{joint}', traces, layout))
     return Html(''.join(parts))
-
-
-def _option(name: str) -> str:
-    return f'--{name.replace("_", "-")}'

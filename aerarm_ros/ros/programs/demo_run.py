@@ -189,10 +189,7 @@ class DemoRun:
             for motion in self._motions:
                 self._run_motion(motion)
         if hardware.returncode != 0:
-            raise DemoError(
-                f'fake_hardware ended with exit status {hardware.returncode}; end of its log:\n'
-                f'{hardware.tail()}'
-            )
+            raise _failed(hardware)
         try:
             return DemoAccount.read(
                 self._logs / 'fake_hardware.log',
@@ -249,17 +246,20 @@ class DemoRun:
             )
             _wait(excitation, _STEP_TIME * (2 + options.periods))
             if recorder.returncode is not None:
-                raise DemoError(
-                    f'the recorder ended before the motion; end of its log:\n{recorder.tail()}'
-                )
+                raise _failed(recorder)
         if recorder.returncode != 0:
-            raise DemoError(
-                f'the recorder ended with exit status {recorder.returncode}; end of its log:\n'
-                f'{recorder.tail()}'
-            )
+            raise _failed(recorder)
 
     def _recorder_log(self, motion: Motion) -> Path:
         return self._logs / f'recorder_{motion.name}.log'
+
+
+def _failed(process: NodeProcess) -> DemoError:
+    """Return the error for a process that has ended too early or with an error."""
+    return DemoError(
+        f'{process.name} ended with exit status {process.returncode}; end of its log:\n'
+        f'{process.tail()}'
+    )
 
 
 def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
@@ -268,10 +268,7 @@ def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
             return client.wait_for_mode(OFF, timeout=1.0)
         except ArmClientError:
             if hardware.returncode is not None:
-                raise DemoError(
-                    f'fake_hardware ended with exit status {hardware.returncode}; end of its log:\n'
-                    f'{hardware.tail()}'
-                ) from None
+                raise _failed(hardware) from None
     raise DemoError(f'fake_hardware was not ready within {_START_TIME} s: check {hardware.log}')
 
 
@@ -279,9 +276,7 @@ def _wait_for_recorder(recorder: NodeProcess) -> None:
     deadline = time.monotonic() + _STEP_TIME
     while 'publishers found' not in recorder.tail():
         if recorder.returncode is not None:
-            raise DemoError(
-                f'the recorder ended before the motion; end of its log:\n{recorder.tail()}'
-            )
+            raise _failed(recorder)
         if time.monotonic() > deadline:
             raise DemoError(
                 f'the recorder was not ready within {_STEP_TIME:g} s: check {recorder.log}'

@@ -14,7 +14,6 @@ import time
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from functools import partial
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +24,10 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult, judge, read_limits
 from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.identification.report.fleet_page import fleet_page
+from aerarm_ros.pages.html_text import package_version
 from aerarm_ros.parallel import Failure, run_each, run_each_on_ray
 from aerarm_ros.ros.process.process_end import ProgressLine
+from aerarm_ros.ros.programs.identifier_options import result_folder
 from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
 Row = dict[str, str | float | int | bool | None]
@@ -36,7 +37,6 @@ STD = '_std'
 """Suffix of the table columns that contain standard deviations."""
 KEYS = ('bag', 'arm', 'date', 'status', 'reason')
 """First columns of the table; the row of a bag without a result has no other values."""
-_PACKAGE = 'aerarm_ros'
 
 
 def identify(bag: Path, settings: argparse.Namespace) -> Row:
@@ -84,7 +84,8 @@ def identify(bag: Path, settings: argparse.Namespace) -> Row:
     std = np.full(len(estimate.theta), np.nan) if estimate.std is None else estimate.std
     for name, value, deviation in zip(estimate.model.columns, estimate.theta, std, strict=True):
         row[name], row[name + STD] = float(value), _number(float(deviation))
-    row[f'{_PACKAGE}_version'], row['python_version'] = _version(), platform.python_version()
+    row['aerarm_ros_version'] = package_version()
+    row['python_version'] = platform.python_version()
     return row
 
 
@@ -120,13 +121,6 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _version() -> str:
-    try:
-        return metadata.version(_PACKAGE)
-    except metadata.PackageNotFoundError:
-        return 'not installed'
-
-
 JOURNAL, TABLE, COLUMNS, PAGE = 'rows.jsonl', 'fleet.csv', 'fleet.parquet', 'fleet.html'
 _BAG_FILES = ('.mcap', '.db3', '.bag', *TABLES)
 _LIST = '.txt'
@@ -159,8 +153,7 @@ class FleetRun:
         self._bags = find_bags(options.each)
         folders = {bag.resolve().parent for bag in self._bags}
         self._settings = argparse.Namespace(**vars(options), arm_of_folder=len(folders) > 1)
-        default = Path('output') / time.strftime('fleet_%Y%m%d_%H%M%S', options.started)
-        self._out: Path = options.out or default
+        self._out = result_folder(options, 'fleet')
         self._rows: dict[str, Row] = {}
 
     @property

@@ -2,299 +2,179 @@
 
 from __future__ import annotations
 
+import argparse
 import time
-from collections.abc import Collection
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
+_SOLVERS = (
+    'cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp',
+    'output_error',
+)  # fmt: skip
 
-def _optional_path(text: str) -> Path | None:
+
+def optional_path(text: str) -> Path | None:
     """Convert text to a path; an empty text (a launch argument without a value) gives None."""
     return Path(text) if text else None
 
 
-# Option, arguments for argparse, and help.
-_OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
-    (
-        '--bag',
-        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+Option = tuple[str, dict[str, Any], str]
+"""Option, arguments for argparse, and help text."""
+
+_OPTIONS: tuple[Option, ...] = (
+    ('--bag', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
         'recordings from which to identify the arm: rosbag2 folders, or .mcap, .db3, .csv, .npz '
-        'and ROS 1 .bag files',
-    ),
-    (
-        '--validation',
-        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
-        'recordings for validation, which the identification does not use',
-    ),
-    (
-        '--payload',
-        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'and ROS 1 .bag files'),
+    ('--validation', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'recordings for validation, which the identification does not use'),
+    ('--payload', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
         'recordings of the same arm with a payload, from which the identifier estimates the '
-        "payload's mass, centre of mass and inertia",
-    ),
-    (
-        '--model',
-        {'type': _optional_path, 'metavar': 'FILE'},
+        "payload's mass, centre of mass and inertia"),
+    ('--model', {'type': optional_path, 'metavar': 'FILE'},
         'identified model of the arm, estimate.yaml: the identifier then estimates only the '
-        'payload of --payload, and needs no --bag',
-    ),
-    (
-        '--each',
-        {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'BAG'},
+        'payload of --payload, and needs no --bag'),
+    ('--each', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'BAG'},
         'identify one arm per bag and write one table of all arms. Pass bags, folders, a quoted '
         'pattern, or a .txt file with one path per line. To continue an interrupted run, repeat '
-        'the command with the same --out',
-    ),
-    (
-        '--workers',
-        {'type': int, 'default': 0, 'metavar': 'N'},
-        'number of parallel processes for --each (default: one per CPU)',
-    ),
-    (
-        '--worker-memory',
-        {'type': float, 'default': 4.0, 'metavar': 'GIB'},
-        'memory limit of each process of --each [GiB]; 0 for no limit (default: %(default)g)',
-    ),
-    (
-        '--ray',
-        {'default': '', 'metavar': 'ADDRESS'},
+        'the command with the same --out'),
+    ('--workers', {'type': int, 'default': 0, 'metavar': 'N'},
+        'number of parallel processes for --each (default: one per CPU)'),
+    ('--worker-memory', {'type': float, 'default': 4.0, 'metavar': 'GIB'},
+        'memory limit of each process of --each [GiB]; 0 for no limit (default: %(default)g)'),
+    ('--ray', {'default': '', 'metavar': 'ADDRESS'},
         "address of the Ray cluster on which to run --each; 'local' starts a cluster on this "
-        'computer',
-    ),
-    (
-        '--holdout',
-        {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
+        'computer'),
+    ('--holdout', {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
         'fraction of each recording of --bag, taken from its end, for validation instead of '
-        'identification',
-    ),
-    (
-        '--urdf',
-        {'type': _optional_path, 'metavar': 'FILE'},
-        'URDF of the arm (default: the packaged arm)',
-    ),
-    (
-        '--config',
-        {'type': _optional_path, 'metavar': 'FILE'},
-        'arm configuration with motors and gears, for example config/aerarm.yaml',
-    ),
-    (
-        '--topic',
-        {'default': '/joint_states', 'metavar': 'NAME'},
-        'topic of the joint states in the bags (default: %(default)s)',
-    ),
-    (
-        '--rate',
-        {'type': float, 'metavar': 'HZ'},
-        'sampling rate of .csv and .npz files without a time column [Hz]',
-    ),
-    (
-        '--degrees',
-        {'action': 'store_true'},
+        'identification'),
+    ('--urdf', {'type': optional_path, 'metavar': 'FILE'},
+        'URDF of the arm (default: the packaged arm)'),
+    ('--config', {'type': optional_path, 'metavar': 'FILE'},
+        'arm configuration with motors and gears, for example config/aerarm.yaml'),
+    ('--topic', {'default': '/joint_states', 'metavar': 'NAME'},
+        'topic of the joint states in the bags (default: %(default)s)'),
+    ('--rate', {'type': float, 'metavar': 'HZ'},
+        'sampling rate of .csv and .npz files without a time column [Hz]'),
+    ('--degrees', {'action': 'store_true'},
         'read positions and velocities of .csv and .npz files in degrees if the column name '
-        'states no unit',
-    ),
-    (
-        '--numbered-from',
-        {'type': int, 'choices': (0, 1)},
-        'number of the first joint in the column names of a .csv file (default: detected)',
-    ),
-    (
-        '--bag-ratio',
-        {'type': float, 'default': 100.0, 'metavar': 'N'},
-        'largest accepted ratio of decompressed size to file size of a bag (default: %(default)g)',
-    ),
-    (
-        '--bag-part',
-        {'type': float, 'default': 64.0, 'metavar': 'MB'},
-        'largest accepted chunk or message of a bag [MiB] (default: %(default)g)',
-    ),
-    (
-        '--out',
-        {'type': Path, 'metavar': 'DIR'},
-        'result folder (default: output/identification_DATE_TIME)',
-    ),
-    (
-        '--verify',
-        {'type': Path, 'metavar': 'FILE'},
-        'YAML file with upper limits of result values, for example filtered: 2.0 for the filtered '
-        'validation error [%%]; if a value exceeds its limit, the exit status is 1',
-    ),
-    (
-        '--compare',
-        {'nargs': 2, 'type': Path, 'metavar': ('OLD', 'NEW')},
+        'states no unit'),
+    ('--numbered-from', {'type': int, 'choices': (0, 1)},
+        'number of the first joint in the column names of a .csv file (default: detected)'),
+    ('--bag-ratio', {'type': float, 'default': 100.0, 'metavar': 'N'},
+        'largest accepted ratio of decompressed size to file size of a bag (default: %(default)g)'),
+    ('--bag-part', {'type': float, 'default': 64.0, 'metavar': 'MB'},
+        'largest accepted chunk or message of a bag [MiB] (default: %(default)g)'),
+    ('--out', {'type': Path, 'metavar': 'DIR'},
+        'result folder (default: output/identification_DATE_TIME)'),
+    ('--verify', {'type': Path, 'metavar': 'FILE'},
+        'YAML file with upper limits of result values, for example filtered: 2.0 for the '
+        'filtered validation error [%%]; if a value exceeds its limit, the exit status is 1'),
+    ('--compare', {'nargs': 2, 'type': Path, 'metavar': ('OLD', 'NEW')},
         'compare two existing results instead of reading bags: print the parameters that differ '
-        'by more than their uncertainty',
-    ),
-    (
-        '--truth',
-        {'type': Path, 'metavar': 'FILE'},
-        'file with the true parameters of a simulated arm, for comparison with the estimates',
-    ),
-    (
-        '--tf-prefix',
-        {'default': '', 'metavar': 'TEXT'},
-        'prefix that the joint names have in the bag but not in the URDF, for example left_',
-    ),
-    (
-        '--rename',
-        {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'},
-        'name of a joint in the bag, and its name in the URDF',
-    ),
-    (
-        '--lock',
-        {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the URDF that did not move; the model treats them as fixed',
-    ),
-    (
-        '--ignore',
-        {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints in the bag that do not belong to the arm',
-    ),
-    (
-        '--effort-gain',
-        {'nargs': '+', 'default': [], 'metavar': 'JOINT=GAIN'},
-        'factor that converts the recorded effort of a joint to Nm, for example a torque constant '
-        'in Nm/A',
-    ),
-    (
-        '--effort-gain-std',
-        {'type': float, 'metavar': 'SHARE'},
+        'by more than their uncertainty'),
+    ('--truth', {'type': Path, 'metavar': 'FILE'},
+        'file with the true parameters of a simulated arm, for comparison with the estimates'),
+    ('--tf-prefix', {'default': '', 'metavar': 'TEXT'},
+        'prefix that the joint names have in the bag but not in the URDF, for example left_'),
+    ('--rename', {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'},
+        'name of a joint in the bag, and its name in the URDF'),
+    ('--lock', {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
+        'joints of the URDF that did not move; the model treats them as fixed'),
+    ('--ignore', {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
+        'joints in the bag that do not belong to the arm'),
+    ('--effort-gain', {'nargs': '+', 'default': [], 'metavar': 'JOINT=GAIN'},
+        'factor that converts the recorded effort of a joint to Nm, for example a torque '
+        'constant in Nm/A'),
+    ('--effort-gain-std', {'type': float, 'metavar': 'SHARE'},
         'relative standard deviation of the factors of --effort-gain, which affects the '
         'uncertainty of a payload (default: 0.1 with --effort-gain, otherwise 0); '
-        'payload_estimator --known-mass calibrates these factors',
-    ),
-    (
-        '--gravity',
-        {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
+        'payload_estimator --known-mass calibrates these factors'),
+    ('--gravity', {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
         "gravity in the frame of the arm's base [m/s^2] (default: as in --config, otherwise 0 0 "
-        '-9.81)',
-    ),
-    (
-        '--exact-gravity',
-        {'action': 'store_true'},
-        'use the given direction of gravity, and do not estimate a tilt of the base',
-    ),
-    (
-        '--exact-stamps',
-        {'action': 'store_true'},
-        'assume that position, velocity and effort in one message were measured at the same time, '
-        'and estimate no delays between them',
-    ),
-    (
-        '--fundamental',
-        {'type': float, 'metavar': 'HZ'},
-        'fundamental frequency f0 of a periodic motion [Hz] (default: detected)',
-    ),
-    (
-        '--harmonics',
-        {'type': int, 'metavar': 'N'},
-        'number of harmonics of a periodic motion (default: detected)',
-    ),
-    (
-        '--cutoff',
-        {'type': float, 'metavar': 'HZ'},
+        '-9.81)'),
+    ('--exact-gravity', {'action': 'store_true'},
+        'use the given direction of gravity, and do not estimate a tilt of the base'),
+    ('--exact-stamps', {'action': 'store_true'},
+        'assume that position, velocity and effort in one message were measured at the same '
+        'time, and estimate no delays between them'),
+    ('--fundamental', {'type': float, 'metavar': 'HZ'},
+        'fundamental frequency f0 of a periodic motion [Hz] (default: detected)'),
+    ('--harmonics', {'type': int, 'metavar': 'N'},
+        'number of harmonics of a periodic motion (default: detected)'),
+    ('--cutoff', {'type': float, 'metavar': 'HZ'},
         'cutoff frequency of the low-pass filter for the torque [Hz] (default: chosen by '
-        'cross-validation)',
-    ),
-    (
-        '--filter',
-        {'choices': ('auto', 'harmonics', 'butterworth'), 'default': 'auto'},
-        'filter of positions, velocities and accelerations. harmonics: rectangular windows at the '
-        'harmonics of a periodic motion; butterworth: zero-phase low-pass; auto (default): the '
-        'better filter in a cross-validation',
-    ),
-    (
-        '--friction',
-        {'default': 'auto', 'metavar': 'MODEL'},
-        'friction model: auto (default), or terms joined by +, for example coulomb+load. Terms are '
-        'coulomb, load, offset, creep, stribeck, asymmetric and dahl (dry friction that builds up '
-        'over 0.01 rad after a reversal)',
-    ),
-    (
-        '--coupled',
-        {'nargs': '+', 'default': [], 'metavar': 'JOINT=DRIVER'},
+        'cross-validation)'),
+    ('--filter', {'choices': ('auto', 'harmonics', 'butterworth'), 'default': 'auto'},
+        'filter of positions, velocities and accelerations. harmonics: rectangular windows at '
+        'the harmonics of a periodic motion; butterworth: zero-phase low-pass; auto (default): '
+        'the better filter in a cross-validation'),
+    ('--friction', {'default': 'auto', 'metavar': 'MODEL'},
+        'friction model: auto (default), or terms joined by +, for example coulomb+load. Terms '
+        'are coulomb, load, offset, creep, stribeck, asymmetric and dahl (dry friction that '
+        'builds up over 0.01 rad after a reversal)'),
+    ('--coupled', {'nargs': '+', 'default': [], 'metavar': 'JOINT=DRIVER'},
         'pairs of coupled drives, in addition to those of --config: the torque of JOINT depends '
-        'on velocity and acceleration of DRIVER',
-    ),
-    (
-        '--rollouts',
-        {'action': 'store_true'},
-        'also simulate each identified model over windows of 0.5 s of the validation data',
-    ),
-    (
-        '--total-mass',
-        {'nargs': 2, 'type': float, 'metavar': ('MIN', 'MAX')},
+        'on velocity and acceleration of DRIVER'),
+    ('--rollouts', {'action': 'store_true'},
+        'also simulate each identified model over windows of 0.5 s of the validation data'),
+    ('--total-mass', {'nargs': 2, 'type': float, 'metavar': ('MIN', 'MAX')},
         'smallest and largest possible total mass of the moving links [kg], for example from '
-        'weighing',
-    ),
-    (
-        '--bound-centres',
-        {'action': 'store_true'},
+        'weighing'),
+    ('--bound-centres', {'action': 'store_true'},
         "constrain the centre of mass of each link to the homogeneous box that has the link's "
-        'inertia in the URDF',
-    ),
-    (
-        '--solvers',
-        {
-            'nargs': '+',
-            'choices': (
-                *('cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic'),
-                *('sdp', 'output_error'),
-            ),
-            'default': [],
-            'metavar': 'NAME',
-        },
+        'inertia in the URDF'),
+    ('--solvers', {'nargs': '+', 'choices': _SOLVERS, 'default': [], 'metavar': 'NAME'},
         'solvers in addition to cad, cad_friction, ols and sdp, which always run (default: wls); '
-        'slsqp and annealing take seconds',
-    ),
-)
+        'slsqp and annealing take seconds'),
+)  # fmt: skip
 
 
 # Options about the arm and its bags.
 _OF_ARM = (
-    *(
-        '--urdf',
-        '--config',
-        '--topic',
-        '--rate',
-        '--degrees',
-        '--numbered-from',
-        '--bag-ratio',
-        '--bag-part',
-    ),
-    *(
-        '--tf-prefix',
-        '--rename',
-        '--lock',
-        '--ignore',
-        '--effort-gain',
-        '--effort-gain-std',
-        '--gravity',
-    ),
-)
+    '--urdf', '--config', '--topic', '--rate', '--degrees', '--numbered-from', '--bag-ratio',
+    '--bag-part', '--tf-prefix', '--rename', '--lock', '--ignore', '--effort-gain',
+    '--effort-gain-std', '--gravity',
+)  # fmt: skip
 
 
-def identifier_parser(name: str, description: str) -> OneLineParser:
-    """Return the command-line parser of a program.
-
-    The parsed options contain the start time as `started`.
-    """
+def table_parser(name: str, description: str, options: Iterable[Option]) -> OneLineParser:
+    """Return the parser of a program; the parsed options contain the start time as `started`."""
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
-    _add_options(parser, [option for option, *_ in _OPTIONS])
+    _add_options(parser, options)
     parser.set_defaults(started=time.localtime())
     return parser
 
 
+def identifier_parser(name: str, description: str) -> OneLineParser:
+    """Return the command-line parser of the identifier."""
+    return table_parser(name, description, _OPTIONS)
+
+
 def add_arm_options(parser: OneLineParser) -> None:
     """Add the identifier's options about the arm and its bags to a parser."""
-    _add_options(parser, _OF_ARM)
+    _add_options(parser, (option for option in _OPTIONS if option[0] in _OF_ARM))
 
 
-def _add_options(parser: OneLineParser, wanted: Collection[str]) -> None:
-    for option, details, text in _OPTIONS:
-        if option in wanted:
-            # If the user gives a list option twice, both lists apply.
-            more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
-            parser.add_argument(option, help=text, **more, **details)
+def _add_options(parser: OneLineParser, options: Iterable[Option]) -> None:
+    for name, details, text in options:
+        # If the user gives a list option twice, both lists apply.
+        more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
+        parser.add_argument(name, help=text, **more, **details)
+
+
+def result_folder(options: argparse.Namespace, kind: str) -> Path:
+    """Return the folder of `--out`, by default a folder with the program's start time."""
+    given: Path | None = options.out
+    return given or Path('output') / time.strftime(f'{kind}_%Y%m%d_%H%M%S', options.started)
+
+
+def pair(text: str, option: str, form: str = 'LEFT=RIGHT') -> tuple[str, str]:
+    """Split a text of the form LEFT=RIGHT; raises IdentificationError for other texts."""
+    left, equals, right = text.partition('=')
+    if not (left and equals and right):
+        raise IdentificationError(f'{option} {text} is invalid: write {form}')
+    return left, right

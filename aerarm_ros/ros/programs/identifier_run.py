@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -54,6 +53,7 @@ from aerarm_ros.ros.programs.identifier_bags import (
     bag_names,
     repeated_bags,
 )
+from aerarm_ros.ros.programs.identifier_options import pair, result_folder
 
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
@@ -235,14 +235,6 @@ def gain_deviation(options: argparse.Namespace) -> float:
     return float(given)
 
 
-def pair(text: str, option: str) -> tuple[str, str]:
-    """Split a text of the form LEFT=RIGHT; raises IdentificationError for other texts."""
-    left, equals, right = text.partition('=')
-    if not (left and equals and right):
-        raise IdentificationError(f'{option} {text} is invalid: write LEFT=RIGHT')
-    return left, right
-
-
 def _load_config(options: argparse.Namespace) -> ArmConfig | None:
     # The packaged configuration describes the motors of the packaged arm only.
     if options.config is None and options.urdf is not None:
@@ -322,8 +314,9 @@ class IdentifierRun:
             If a bag cannot be used for identification, or the result cannot be written.
         """
         options = self._options
-        default = Path('output') / time.strftime('identification_%Y%m%d_%H%M%S', options.started)
-        with ResultDirectory(options.out or default, files=RESULT_FILES) as directory:
+        with ResultDirectory(
+            result_folder(options, 'identification'), files=RESULT_FILES
+        ) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
             print_messages(result.warnings)
@@ -506,8 +499,7 @@ class PayloadRun(IdentifierRun):
             raise IdentificationError(
                 '--verify checks an arm identified from --bag: remove --verify or --model'
             )
-        default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
-        with ResultDirectory(options.out or default, files=_FILES) as directory:
+        with ResultDirectory(result_folder(options, 'payload'), files=_FILES) as directory:
             robot = self._arm.robot
             estimate = read_estimate(options.model, robot)
             if options.gravity is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -31,14 +31,14 @@ from aerarm_ros.ros.controllers.friction_log import (
     ESTIMATOR_PARAMETERS,
     estimator_settings,
 )
+from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
 from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
-from aerarm_ros.ros.programs.identifier_options import add_arm_options
+from aerarm_ros.ros.programs.identifier_options import add_arm_options, pair
 from aerarm_ros.ros.programs.identifier_run import (
     UNCALIBRATED,
     RecordedArm,
     gain_deviation,
-    pair,
 )
 
 
@@ -174,16 +174,31 @@ def replay_parser(name: str) -> OneLineParser:
              'with this mass instead of estimating a payload; needs --model',
     )  # fmt: skip
     add_arm_options(parser)
-    for parameter in ESTIMATOR_PARAMETERS:
+    add_parameters(parser, ESTIMATOR_PARAMETERS, measured=_NOISE)
+    return parser
+
+
+def add_parameters(
+    parser: OneLineParser, parameters: Iterable[Parameter], measured: str = ''
+) -> None:
+    """Add one option per parameter of a node; the parameter `measured` has no fixed default."""
+    for parameter in parameters:
         unit = f' [{parameter.unit}]' if parameter.unit else ''
-        is_measured = parameter.name == _NOISE
+        is_measured = parameter.name == measured
         default = 'measured from the first bag' if is_measured else '%(default)g'
         parser.add_argument(
             _option(parameter.name), type=float, metavar='X',
             default=None if is_measured else parameter.default,
             help=f'{parameter.description}{unit} (default: {default})',
         )  # fmt: skip
-    return parser
+
+
+def check_parameters(options: argparse.Namespace, parameters: Iterable[Parameter]) -> None:
+    """Raise IdentificationError if the option of a parameter has an invalid value."""
+    for parameter in parameters:
+        if problem := parameter.problem(getattr(options, parameter.name)):
+            text = problem.removeprefix(f'parameter {parameter.name}')
+            raise IdentificationError(f'{_option(parameter.name)}{text}')
 
 
 def known_arm(
@@ -223,10 +238,7 @@ class PayloadReplay:
         self._measures_noise = options.torque_noise is None
         if self._measures_noise:
             options.torque_noise = EstimatorSettings.torque_noise
-        for parameter in ESTIMATOR_PARAMETERS:
-            if problem := parameter.problem(getattr(options, parameter.name)):
-                text = problem.removeprefix(f'parameter {parameter.name}')
-                raise IdentificationError(f'{_option(parameter.name)}{text}')
+        check_parameters(options, ESTIMATOR_PARAMETERS)
         if options.out and not options.model:
             raise IdentificationError(
                 'the files of --out contain the identified arm with its payload: pass the '

@@ -29,6 +29,8 @@ class StateDiagnostics:
     ----------
     node
         Owner of publisher and timer.
+    stream
+        Joint states whose numbers the status contains.
     warning
         Returns a further warning of the node, or an empty text.
     values
@@ -52,6 +54,7 @@ class StateDiagnostics:
     def __init__(
         self,
         node: Node,
+        stream: StateStream,
         warning: Callable[[], str],
         values: Callable[[], Mapping[str, object]],
         arm: str = '',
@@ -63,19 +66,15 @@ class StateDiagnostics:
         self._every_state = every_state
         self._warning = warning
         self._values = values
-        self._stream: StateStream | None = None
+        self._stream = stream
         self._received = 0
         self._rejected_at = -np.inf
         self.latency = TimingStatistics()
         self.rejections = 0
         self.last_rejection = ''
         self._sources = DuplicatePublisherCheck(node, topics.JOINT_STATES)
-        self._output = DiagnosticsPublisher(node, arm, self._now_ns)
+        self._output = DiagnosticsPublisher(node, arm, lambda: stream.stamp_ns)
         create_steady_timer(node, PERIOD, self.publish)
-
-    def watch(self, stream: StateStream) -> None:
-        """Set the stream of joint states whose numbers the status contains."""
-        self._stream = stream
 
     def add_rejection(self, reason: str) -> None:
         """Count a rejected input."""
@@ -88,13 +87,9 @@ class StateDiagnostics:
         latency, skipped = self.latency.summary(), self._skipped()
         rejected = f'{self.rejections} inputs rejected'
         if not latency.count:
-            received = self._stream.received if self._stream else 0
-            came = (
-                f'{received} joint states received, none answered'
-                if received
-                else 'no joint states received'
-            )
-            return f'{came}, {rejected}'
+            received = self._stream.received
+            came = f'{received} joint states received, none answered'
+            return f'{came if received else "no joint states received"}, {rejected}'
         unanswered = '' if skipped is None else f'{skipped} not answered, '
         return (
             f'{latency.count} joint states answered, {unanswered}{rejected}; latency of the answer '
@@ -105,15 +100,11 @@ class StateDiagnostics:
         """Publish the status."""
         self._output.report(self._problem(), self._all_values())
 
-    def _now_ns(self) -> int | None:
-        """Return the stamp of the newest joint state [ns], None before the first."""
-        return self._stream.stamp_ns if self._stream else None
-
     def _problem(self) -> str:
         news = self._sources.news()
         if news:
             self._node.get_logger().warning(news)
-        received = self._stream.received if self._stream else 0
+        received = self._stream.received
         is_silent, self._received = received == self._received, received
         if is_silent:
             self._log_waiting()
@@ -153,4 +144,4 @@ class StateDiagnostics:
 
     def _skipped(self) -> int | None:
         # Usually a newer joint state replaced the lost one before the loop could read it.
-        return self._stream.lost if self._stream and self._every_state else None
+        return self._stream.lost if self._every_state else None

@@ -137,7 +137,7 @@ def test_a_push_is_published_and_missing_inputs_are_named(make) -> None:
     for command in (JointState(name=['a'], effort=[1.0]), JointState(name=list(DRONE.rotor_names))):
         rejections = node.diagnostics.rejections
         drone.until(lambda n=rejections: node.diagnostics.rejections > n, command=command)
-        assert node.diagnostics.last_rejection.startswith('rotor_command: the message has ')
+        assert node.diagnostics.last_rejection.startswith('rotor_command: the ')
     # What drone and rotors say ends: it fades, ends, and is named.
     drone.until(lambda: drone.force == pytest.approx(PUSH, rel=0.05), lift=WEIGHT)
     drone.until(lambda: drone.force == 0.0, speaks=False)

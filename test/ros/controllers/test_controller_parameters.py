@@ -46,7 +46,7 @@ def act(node: ControllerNode, now: float = 0.0) -> None:
     ('kind', 'parameters', 'name', 'values', 'reason'),
     [
         (ComputedTorqueNode, (), 'kp', [1.0, 2.0], '2 values, 4 are needed'),
-        (ComputedTorqueNode, ('feedback:=boards',), 'kd', [30.0], 'parameters of the bridge'),
+        (ComputedTorqueNode, ('feedback:=boards',), 'kd', [30.0], 'gains of the bridge'),
         (GravityCompensationNode, (), 'kd', [1.0] * 5, '5 values, 4 are needed'),
         (ImpedanceControlNode, (), 'stiffness', [1.0] * 4, '4 values, 3 are needed'),
     ],
@@ -102,9 +102,10 @@ def test_hand_guiding_comes_and_goes_without_a_step(make) -> None:
 def test_references_are_rejected_during_hand_guiding(make, monkeypatch) -> None:
     acts = {}
     monkeypatch.setattr(
-        ControllerNode, 'take_references', lambda self, topic, act: acts.update({topic.name: act})
+        ControllerNode, 'listen', lambda self, topic, act: acts.update({topic.name: act})
     )
     node = make(GravityCompensationNode, 'hand_guiding:=true')
+    node._mode = 'running'
     for name, message in (
         ('set_point', JointState(name=NAMES)),
         ('joint_trajectory', trajectory(list(UPRIGHT), 1.0)),
