@@ -8,7 +8,7 @@ import numpy as np
 from aerarm_ros.autopilot.ardupilot_link import JsonSimulator, sensor_line
 from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.px4 import ned
-from aerarm_ros.autopilot.px4_link import Companion, companion_writer
+from aerarm_ros.autopilot.px4_link import COMPANION, Companion, companion_writer
 from aerarm_ros.autopilot.px4_sensors import FRAME_LOCAL_FRD, odometry_frame
 from aerarm_ros.autopilot.px4_setup import VISION
 from aerarm_ros.flight.flight_state import FlightState
@@ -22,7 +22,6 @@ _ASK_EVERY, _HEARTBEAT = 0.5, 0.5  # [s]
 _GUIDED, _ARMED, _CUSTOM_MODE = 4, 128, 1
 _SET_MODE, _ARM, _TAKE_OFF, _SET_INTERVAL = 176, 400, 22, 511
 _LOCAL_POSITION = 32
-_COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
 _ORIGIN = {'latitude': 473977420, 'longitude': 85455940, 'altitude': 488000}
 _CLIMB = 1.0  # [m] of the take-off command above the held drone
 _TEXTS = 50
@@ -195,7 +194,7 @@ class ArduPilotFirmware:
     def _beat(self) -> None:
         if self._time - self._beat_at > _HEARTBEAT:
             self._beat_at = self._time
-            self.send('HEARTBEAT', **_COMPANION)
+            self.send('HEARTBEAT', **COMPANION)
 
     def _take(self, message: Message) -> None:
         if message.name == 'HEARTBEAT' and message.component == 1:

@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerarm_ros.autopilot.mavlink import FrameWriter, Message
+from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.mavlink_line import Line
 from aerarm_ros.autopilot.px4 import ned
+from aerarm_ros.autopilot.px4_link import COMPANION, companion_writer
 from aerarm_ros.control.base.base_motion import (
     attitude_ned_frd_to_enu_flu,
     frd_to_flu,
@@ -18,12 +19,10 @@ from aerarm_ros.motion.signals import Array
 
 LOSS = 1.5  # [s] without a heartbeat
 FRESH = 0.2  # [s]; an older attitude or place is not used
-_SYSTEM, _COMPONENT = 245, 191
 _AUTOPILOT_COMPONENT = 1
 _HEARTBEAT, _ASK = 1.0, 2.0  # [s] between heartbeats, and between requests of streams
 _ARM, _SET_MODE, _SET_INTERVAL = 400, 176, 511  # MAV_CMD
 _CUSTOM_MODE, _ARMED = 1, 128
-_COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
 PX4, ARDUPILOT = 'px4', 'ardupilot'
 _FIRMWARES = {3: ARDUPILOT, 12: PX4}  # MAV_AUTOPILOT
 _PX4_MODES = {
@@ -94,7 +93,7 @@ class MavlinkAutopilot:
 
     def __init__(self, line: Line, rates: dict[str, float]) -> None:
         self._line, self._rates = line, rates
-        self._writer = FrameWriter(_SYSTEM, _COMPONENT)
+        self._writer = companion_writer()
         self._system = 0
         self._heard = self._beat = self._asked = -np.inf
         self._times: dict[str, float] = {}  # of the newest message of each stream
@@ -131,7 +130,7 @@ class MavlinkAutopilot:
         """Send a heartbeat once per second, and request missing streams every 2 s."""
         if now - self._beat >= _HEARTBEAT:
             self._beat = now
-            self.send('HEARTBEAT', **_COMPANION)
+            self.send('HEARTBEAT', **COMPANION)
         if not self.is_linked(now):
             self._asked = -np.inf  # The autopilot may have restarted and lost the rates.
         elif now - self._asked >= _ASK:

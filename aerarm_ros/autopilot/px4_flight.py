@@ -8,7 +8,13 @@ import numpy as np
 
 from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.px4 import ned
-from aerarm_ros.autopilot.px4_link import Companion, Controls, Simulator, companion_writer
+from aerarm_ros.autopilot.px4_link import (
+    COMPANION,
+    Companion,
+    Controls,
+    Simulator,
+    companion_writer,
+)
 from aerarm_ros.autopilot.px4_sensors import SensorFrames
 from aerarm_ros.autopilot.px4_setup import GPS, Px4Setup
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
@@ -31,7 +37,6 @@ _ABOVE, _LOWERING = 0.3, 2.0
 _HEARTBEAT = 0.5  # [s]
 _ARM, _SET_MODE = 400, 176  # MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE
 _CUSTOM_MODE, _OFFBOARD, _ARMED = 1, 6, 128
-_COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
 _TEXTS = 50  # number of stored messages from PX4
 
 
@@ -215,7 +220,7 @@ class Px4Firmware:
     def _beat(self) -> None:
         if self._time_us - self._beat_us > 1e6 * _HEARTBEAT:
             self._beat_us = self._time_us
-            self.send('HEARTBEAT', **_COMPANION)
+            self.send('HEARTBEAT', **COMPANION)
 
     def _take(self, message: Message) -> None:
         self._is_heard = True

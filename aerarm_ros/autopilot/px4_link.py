@@ -22,6 +22,9 @@ SIMULATOR_PORT, COMPANION_PORT, OFFBOARD_PORT = 4560, 14540, 14580
 
 _HOST = '127.0.0.1'
 _SYSTEM, _COMPONENT = 245, 191  # ids of this side: MAV_COMP_ID_ONBOARD_COMPUTER
+COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
+"""Fields of the HEARTBEAT of a companion computer."""
+
 _ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _CHUNK = 65536
 

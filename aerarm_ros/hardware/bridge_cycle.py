@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink, MotorPower, make_links
-from aerarm_ros.hardware.boards.board_monitor import BoardMode
 from aerarm_ros.hardware.boards.commissioning_probe import CommissioningProbe
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.boards.homing import EncoderZeros, ZeroSearch
@@ -71,7 +70,7 @@ class BridgeReport:
                     'commands the board to damp its joints, and to switch its motors off once '
                     'the arm is disabled'
                 )
-            elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
+            elif monitor.is_silent or not monitor.is_connected:
                 texts.append(f'no answer from {monitor.name}: {monitor.problem}')
             elif not monitor.fault:
                 texts.append(monitor.echo.warning)
@@ -359,7 +358,7 @@ class BridgeCycle:
 
     def update(self, now: float) -> None:
         """Run one cycle of the bridge at the time `now` [s, monotonic]."""
-        elapsed = max(now - self._now, 0.0)
+        elapsed = now - self._now if now > self._now else 0.0
         self._now = now
         self.cycles += 1
         self._transport.advance(now)
@@ -373,11 +372,13 @@ class BridgeCycle:
             enable = self._enabled and not (self.gate.stop and not link.may_be_damped)
             link.exchange(self._references, enable or link is probed, running)
         self._references.note_sent()
-        self._aligned = all(link.is_aligned for link in self.links)
+        self._aligned = True
+        for link in self.links:
+            self._aligned = self._aligned and link.is_aligned
         self.state.read(self.links, self._references.zero, gains, self._current_lag)
         if self.recall.is_on and self.recall.look():
             self._set_zero(self._references.zero)
-        dt = min(elapsed, _STEP_MAX)
+        dt = _STEP_MAX if elapsed > _STEP_MAX else elapsed
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
         self.heat.update(self.state, elapsed, self._enabled)
         self.probe.look(now)
@@ -404,13 +405,19 @@ class BridgeCycle:
             references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
         # A barrier would drive a joint whose position readings are wrong.
         times = state.age(now, now - elapsed)
-        rows = zip(self._encoders.is_position_reliable.tolist(), state.has_answered, strict=True)
-        reliable = [is_reliable and has_answered for is_reliable, has_answered in rows]
+        reliable = state.has_answered
+        if self._encoders.has_doubts:
+            rows = zip(self._encoders.is_position_reliable.tolist(), reliable, strict=True)
+            reliable = [is_reliable and has_answered for is_reliable, has_answered in rows]
         q, dq = state.reliable_motion(reliable)
         kept = references.kept_torques(q, dq, state.unconfirmed)
         gate.watch(q, dq, references.torques(q, dq), *times, kept, state.unconfirmed)
-        trusted = [known and driven for known, driven in zip(reliable, state.driven, strict=True)]
-        return self._follow(now, min(elapsed, _STEP_MAX), trusted)
+        trusted = state.driven
+        if False in reliable:
+            rows = zip(reliable, state.driven, strict=True)
+            trusted = [is_reliable and is_driven for is_reliable, is_driven in rows]
+        dt = _STEP_MAX if elapsed > _STEP_MAX else elapsed
+        return self._follow(now, dt, trusted)
 
     def _follow(self, now: float, dt: float, trusted: Sequence[bool]) -> bool:
         """Follow the command or damp the arm; return whether the arm follows a command."""
@@ -473,8 +480,9 @@ class BridgeCycle:
     def _current_mode(self, now: float) -> str:
         if self.gate.stop:
             return 'fault'
-        if any(link.monitor.mode is BoardMode.DISCONNECTED for link in self.links):
-            return 'disconnected'
+        for link in self.links:
+            if not link.monitor.is_connected:
+                return 'disconnected'
         if not self._enabled:
             off = 'unhomed' if self.zeros.are_lost else 'idle'
             return 'commissioning' if self.probe.is_driving else off

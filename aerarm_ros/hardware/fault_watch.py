@@ -10,7 +10,6 @@ import numpy as np
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink
-from aerarm_ros.hardware.boards.board_monitor import BoardMode
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.boards.homing import EncoderZeros
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
@@ -134,7 +133,7 @@ class FaultWatch:
         silent = [
             f'no answer from {link.monitor.name}: {link.monitor.problem}'
             for link in self._links
-            if link.monitor.mode is BoardMode.DISCONNECTED
+            if not link.monitor.is_connected
         ]
         silent += [link.monitor.echo.warning for link in self._links if link.monitor.echo.is_cut]
         if silent:
@@ -150,7 +149,7 @@ class FaultWatch:
         still driven.
         """
         for link in self._links:
-            if link.monitor.mode is BoardMode.FAULT:
+            if link.monitor.fault:
                 self._gate.trip(link.monitor.fault)
             if link.restarted:
                 joints = [joint for joint, _ in link.joints]
@@ -195,7 +194,7 @@ class FaultWatch:
         )
         if text:
             gate.trip(text)
-        if not encoders.trusted.all():  # a second reading follows later
+        if encoders.has_doubts:  # a second reading follows later
             self._zeros.lose(encoders.lost, 'its encoder jumped or stopped counting')
         violation = gate.state_violation(state.q, state.dq)
         if violation:
@@ -210,7 +209,7 @@ class FaultWatch:
         boards = [
             (number, link.monitor.name)
             for number, link in enumerate(self._links)
-            if link.monitor.mode is BoardMode.FAULT or number in doubted
+            if link.monitor.fault or number in doubted
         ]
         return StoppedArm(
             boards,

@@ -392,6 +392,7 @@ class KeptHeat:
     housings: tuple[float, ...]
 
 
+_ALIGNING = BoardMode.ALIGNING
 # Each cycle updates one motor, each motor once per `_CYCLES` cycles; forecasts are rarer.
 _CYCLES = 20
 _FORECASTS = 50
@@ -466,19 +467,21 @@ class HeatWatch:
         limits = self.limits
         # A board that receives nothing for longer than this switches off.
         driven = min(elapsed, self._board_timeout)
-        for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
-            if current != current:
-                continue  # no board has answered yet
+        for link in self._links:
             is_silent = link.monitor.is_silent
-            if link.monitor.mode is BoardMode.ALIGNING or (
-                is_silent and link.is_damped_without_answer
-            ):
-                current = limit.continuous_current  # a board that aligns reports no current
-            elif is_silent:
-                current = 0.0  # the last answer is outdated for a motor that is off
-            limit.add(current, driven)
-            if elapsed > driven:
-                limit.add(0.0, elapsed - driven)
+            # a board that aligns reports no current
+            is_unknown = link.monitor.mode is _ALIGNING or link.is_damped_without_answer
+            for joint, _ in link.joints:
+                limit, current = limits[joint], currents[joint]
+                if current != current:
+                    continue  # no board has answered yet
+                if is_unknown:
+                    current = limit.continuous_current
+                elif is_silent:
+                    current = 0.0  # the last answer is outdated for a motor that is off
+                limit.add(current, driven)
+                if elapsed > driven:
+                    limit.add(0.0, elapsed - driven)
         self._cycle = (self._cycle + 1) % self._cycles
         if self._cycle < len(limits):
             self._take_turn(self._cycle, enabled)

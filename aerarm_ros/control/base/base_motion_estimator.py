@@ -273,9 +273,9 @@ class BaseMotionEstimator:
         if self._updated is None:
             self._weight = 1.0 if fresh else 0.0
         change = elapsed / self._fade_time
-        self._weight = _moved(self._weight, change if fresh else -change)
+        self._weight = moved(self._weight, change if fresh else -change)
         if self._calm is not None:
-            self._calm_weight = _moved(self._calm_weight, elapsed / _CALM_TIME)
+            self._calm_weight = moved(self._calm_weight, elapsed / _CALM_TIME)
         self._updated = now
         if self._weight == 0.0:
             return self.configured
@@ -332,7 +332,8 @@ class BaseMotionEstimator:
         return spin + (0.5 * step + self._time_constant) * jerk, jerk
 
 
-def _moved(weight: float, change: float) -> float:
+def moved(weight: float, change: float) -> float:
+    """Return a weight plus a change, limited to 0 .. 1."""
     return min(1.0, max(0.0, weight + change))
 
 

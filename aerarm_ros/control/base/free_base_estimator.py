@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion import BaseMotion, ImuSample, Mount
+from aerarm_ros.control.base.base_motion_estimator import moved
 from aerarm_ros.control.base.rotor_wrench import RotorWrench
 from aerarm_ros.control.checks import RejectedInputError, non_negative_number, positive
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
@@ -475,8 +476,8 @@ class FreeBaseEstimator:
         self._updated = now
         imu = not self._imu_problem(now)
         rotors = imu and not self._rotor_problem(now)
-        self._imu_share = _moved(self._imu_share, change if imu else -change)
-        self._rotor_share = _moved(self._rotor_share, change if rotors else -change)
+        self._imu_share = moved(self._imu_share, change if imu else -change)
+        self._rotor_share = moved(self._rotor_share, change if rotors else -change)
         if not imu and self._imu_share == 0.0:
             self._watch.forget()
             if self.correction.is_ready:
@@ -508,7 +509,3 @@ class FreeBaseEstimator:
                 'drone is not in flight'
             )
         return ''
-
-
-def _moved(share: float, change: float) -> float:
-    return min(1.0, max(0.0, share + change))

@@ -146,19 +146,12 @@ class VelocityResolution:
             preferred = preferred - self._slope_gain * self._slope(q)
         low = self._limit_gain * (self._low - q)
         high = self._limit_gain * (self._high - q)
-        dq = self._within_bounds(jacobian, velocity, preferred, low, high)
-        fastest = float((np.abs(dq) / self._limits.velocity_max).max()) + 1e-9
-        self.slowdown = min(1.0, 1.0 / fastest)
-        return self.slowdown * dq
-
-    def _within_bounds(
-        self, jacobian: Array, velocity: Array, preferred: Array, low: Array, high: Array
-    ) -> Array:
-        """Return joint rates within bounds, and store the least singular value."""
         dq, self.least_singular_value = resolve_within(
             self._inverse, jacobian, velocity, preferred, low, high
         )
-        return dq
+        fastest = float((np.abs(dq) / self._limits.velocity_max).max()) + 1e-9
+        self.slowdown = min(1.0, 1.0 / fastest)
+        return self.slowdown * dq
 
 
 def resolve_within(

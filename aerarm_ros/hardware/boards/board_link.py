@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig, DriveTrain
-from aerarm_ros.hardware.boards.board_monitor import BoardMode, BoardMonitor
+from aerarm_ros.hardware.boards.board_monitor import BoardMonitor
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD, BoardCommand, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec, FrameError
@@ -53,21 +53,23 @@ class RestartWatch:
         longest
             Longest possible time between the previous answer and this one [s].
         """
-        detected = (bool(state.index_detected[0]), bool(state.index_detected[1]))
+        first, second = detected = state.index_detected[0], state.index_detected[1]
         restarted = False
         if self._timestamp is not None:
             ahead = (state.timestamp - self._timestamp) % TIMESTAMP_PERIOD
             # The clock of a board that was without power lags behind the host clock, but is never
             # ahead.
-            most = (1.0 + _DRIFT) * max(longest, 0.0) + _TICKS
-            restarted = most < ahead < TIMESTAMP_PERIOD - _TICKS
-            # After a silence of 65.5 s or more, the period of the clock, the clock gives no
-            # information.
-            restarted = restarted or most >= TIMESTAMP_PERIOD
-            first, second = self._detected
-            restarted = restarted or (first and not detected[0]) or (second and not detected[1])
-            if self._until_power_cycle and self._error and not state.error:
-                restarted = True
+            most = (1.0 + _DRIFT) * (longest if longest > 0.0 else 0.0) + _TICKS
+            had_first, had_second = self._detected
+            restarted = (
+                most < ahead < TIMESTAMP_PERIOD - _TICKS
+                # After a silence of 65.5 s or more, the period of the clock, the clock gives no
+                # information.
+                or most >= TIMESTAMP_PERIOD
+                or (had_first and not first)
+                or (had_second and not second)
+                or (self._until_power_cycle and self._error != 0 and not state.error)
+            )
         self._timestamp, self._error, self._detected = state.timestamp, state.error, detected
         return restarted
 
@@ -195,11 +197,6 @@ class BoardLink:
             raise ValueError(f'the limits cannot be sent to {name}: {error}') from None
 
     @property
-    def is_connected(self) -> bool:
-        """Whether the board has sent enough consecutive valid answers to count as connected."""
-        return self.monitor.mode is not BoardMode.DISCONNECTED
-
-    @property
     def answered_at(self) -> float:
         """Time of the board's last valid answer [s], -inf before the first answer."""
         return self._latest
@@ -261,10 +258,12 @@ class BoardLink:
             command.kp[channel] = motor.kp
             command.kd[channel] = motor.kd
             command.integral_gain[channel] = motor.integral_gain
-            # At least the smallest value that the frame does not round to 0, because 0 would mean
-            # no limit.
-            least = max(motor.current_max, _SATURATION_MIN)
-            command.current_saturation[channel] = min(self._saturation[channel], least)
+            saturation = self._saturation[channel]
+            if motor.current_max < saturation:
+                # At least the smallest value that the frame does not round to 0, because 0 would
+                # mean no limit.
+                saturation = min(saturation, max(motor.current_max, _SATURATION_MIN))
+            command.current_saturation[channel] = saturation
 
     def switch_off(self) -> None:
         """Send the board one frame that switches its motors off."""
@@ -272,24 +271,24 @@ class BoardLink:
         self._transport.exchange(self._number, self._codec.encode(self._switched_off()))
 
     def _receive(self, answer: bytes, enable: bool, running: bool) -> None:
-        duration = self._transport.exchange_time(self._number)
-        ended = self._transport.exchanged_at(self._number)
-        problem = self._transport.problem(self._number)
-        self.monitor.slow(duration)
-        timestamp = self.state.timestamp
-        self.fresh = self._codec.decode(answer, self.state) is not None
-        self.restarted = self.fresh and self._restart_watch.saw(self.state, ended - self._earliest)
+        transport, number, state, monitor = self._transport, self._number, self.state, self.monitor
+        duration = transport.exchange_time(number)
+        ended = transport.exchanged_at(number)
+        problem = transport.problem(number)
+        monitor.slow(duration)
+        timestamp = state.timestamp
+        self.fresh = self._codec.decode(answer, state) is not None
+        self.restarted = self.fresh and self._restart_watch.saw(state, ended - self._earliest)
         alone = ended - self._sent
         if not problem:
             self._sent = ended
         if self.fresh:
             self._lapsed = False
-            self._time(ended - duration, ended, self.state.timestamp - timestamp)
-            self.is_aligned = self.monitor.is_aligned(self.state)
-            self.monitor.received(self.state, ended, enable, running)
+            self._time(ended - duration, ended, state.timestamp - timestamp)
+            self.is_aligned = monitor.received(state, ended, enable, running)
         else:
             self._lapsed = self._lapsed or alone > self._command.timeout
-            self.monitor.missed(enable, problem)
+            monitor.missed(enable, problem)
 
     def _time(self, earliest: float, latest: float, board_interval: float) -> None:
         """Store the time bounds of an answer [s] and its interval on the board's clock [s]."""
@@ -298,7 +297,8 @@ class BoardLink:
         by_board = board_interval % TIMESTAMP_PERIOD
         if by_board > _BOARD_INTERVAL_MAX:  # the board restarted, or its clock went back by a tick
             by_board = 0.0
-        self.interval_max = max(latest - self._earliest, by_board)
+        by_host = latest - self._earliest
+        self.interval_max = by_host if by_host > by_board else by_board
         self._earliest, self._latest = earliest, latest
 
     def _switched_off(self) -> BoardCommand:
@@ -354,10 +354,14 @@ class MotorPower:
         self.source = 'voltage' if profile.sensor.has('quadrature_voltage') else 'model'
         self.watts = np.zeros(config.n)
         self.energy = np.zeros(config.n)
+        self._joules = [0.0] * config.n
         # stays True, because the last valid state of each board remains available
         self._is_known = False
-        self._resistance = 1.5 * config.column('motor.resistance')
-        self._torque_constant = config.column('motor.torque_constant')
+        resistance = 1.5 * config.column('motor.resistance')
+        torque_constant = config.column('motor.torque_constant')
+        self._motors = list(
+            zip(range(config.n), resistance.tolist(), torque_constant.tolist(), strict=True)
+        )
 
     def update(self, current: Array, velocity: Array, voltage: Array, dt: float) -> None:
         """Compute the motor powers (n,) and add their energy over the time `dt` [s].
@@ -368,12 +372,14 @@ class MotorPower:
             if np.isnan(current).any():
                 return
             self._is_known = True
-        if self.source == 'voltage':
-            voltage_like = 1.5 * voltage
-        else:
-            voltage_like = self._resistance * current + self._torque_constant * velocity
-        np.multiply(voltage_like, current, out=self.watts)
-        self.energy += self.watts * dt
+        is_reported = self.source == 'voltage'
+        for (motor, resistance, torque_constant), amps, speed, volts in zip(
+            self._motors, current.tolist(), velocity.tolist(), voltage.tolist(), strict=True
+        ):
+            per_ampere = 1.5 * volts if is_reported else resistance * amps + torque_constant * speed
+            watts = per_ampere * amps
+            self._joules[motor] += watts * dt
+            self.watts[motor], self.energy[motor] = watts, self._joules[motor]
 
 
 def resistance_by_boards(links: Sequence[BoardLink], n: int) -> Array:
@@ -439,8 +445,15 @@ class ArmMeasurements:
         self.interval, self.interval_max = [nan] * config.n, [nan] * config.n
         # start of the cycle of the last measurement [s]
         self._measured_at = [-inf] * config.n
-        self._drive = DriveTrain(config)
-        self._last_velocity = unknown()
+        drive, ones, zeros = DriveTrain(config), np.ones(config.n), np.zeros(config.n)
+        # Joint angle per motor angle, joint angle at motor angle zero, and torque per current.
+        columns = (
+            drive.motor_to_joint_velocity(ones),
+            drive.motor_to_joint_position(zeros),
+            drive.current_to_effort(ones),
+        )
+        self._drives: list[list[float]] = np.transpose(columns).tolist()
+        self._joints = range(config.n)
         self._reliable = unknown()
 
     def reliable_motion(self, is_reliable: Sequence[bool]) -> tuple[Array, Array]:
@@ -481,15 +494,11 @@ class ArmMeasurements:
             Time constant of the boards' current loop [s]; None when the same states are read
             again.
         """
-        self._last_velocity[:] = self.motor_velocity
+        last_velocities = self.motor_velocity.tolist()
         for link in links:
-            state, echo = link.state, link.monitor.echo
+            state, echo, is_fresh = link.state, link.monitor.echo, link.fresh
             unconfirmed = echo.unconfirmed if echo.is_losing else 0
-            is_fresh, has_answered, is_driven = (
-                link.fresh,
-                not link.monitor.is_silent,
-                link.is_aligned,
-            )
+            has_answered, is_driven = not link.monitor.is_silent, link.is_aligned
             for joint, channel in link.joints:
                 self.fresh[joint] = is_fresh
                 self.has_answered[joint] = has_answered
@@ -503,10 +512,25 @@ class ArmMeasurements:
                     self.index_toggle[joint] = state.index_toggle[channel]
                     self.interval[joint] = link.interval
                     self.interval_max[joint] = link.interval_max
-        np.subtract(self.reported_position, zero, out=self.motor_position)
-        self.q[:] = self._drive.motor_to_joint_position(self.motor_position)
-        self.dq[:] = self._drive.motor_to_joint_velocity(self.motor_velocity)
-        self.tau[:] = self._drive.current_to_effort(self.motor_current + self._droop(gains, lag))
+        for joint, (
+            ratio,
+            offset,
+            torque_constant,
+        ), droop, reported, at_zero, velocity, current in zip(
+            self._joints,
+            self._drives,
+            self._droop(gains, lag, last_velocities),
+            self.reported_position.tolist(),
+            zero.tolist(),
+            self.motor_velocity.tolist(),
+            self.motor_current.tolist(),
+            strict=True,
+        ):
+            position = reported - at_zero
+            self.motor_position[joint] = position
+            self.q[joint] = ratio * position + offset
+            self.dq[joint] = ratio * velocity
+            self.tau[joint] = torque_constant * (current + droop)
 
     def age(self, now: float, last: float) -> tuple[list[float], list[float]]:
         """Return the age of each joint's measurement, and the time between its last two [s].
@@ -515,31 +539,32 @@ class ArmMeasurements:
         start of the cycle whose frames `read` has processed [s]. The time between measurements is
         0 if none has arrived since the last call, and inf if there was no earlier measurement.
         """
-        between = [0.0] * len(self.fresh)
+        measured_at = self._measured_at
+        between = [0.0] * len(measured_at)
         for joint, is_fresh in enumerate(self.fresh):
             if is_fresh:
-                between[joint] = last - self._measured_at[joint]
-                self._measured_at[joint] = last
+                between[joint] = last - measured_at[joint]
+                measured_at[joint] = last
         # not negative, because the clock may go back
-        return [max(now - measured_at, 0.0) for measured_at in self._measured_at], between
+        return [now - time if now > time else 0.0 for time in measured_at], between
 
-    def _droop(self, gains: Gains, lag: float | None) -> list[float]:
+    def _droop(self, gains: Gains, lag: float | None, before: Sequence[float]) -> list[float]:
         """Return mean current of the cycle minus sampled current, for each motor [A].
 
         Plain floats are used, because they are faster than arrays for four joints.
         """
         if lag is None:
             return [0.0] * len(gains)
-        velocities, before = self.motor_velocity.tolist(), self._last_velocity.tolist()
         droop = []
         for (kp, kd), velocity, last, interval in zip(
-            gains, velocities, before, self.interval, strict=True
+            gains, self.motor_velocity.tolist(), before, self.interval, strict=True
         ):
             # The current equals its mean in the middle of the cycle. The lag of the current loop
             # covers part of the time from there to the sample.
             longer = _HOLD_MIN if interval < _HOLD_MIN else interval
             hold = _HOLD_MAX if longer > _HOLD_MAX else longer
-            share = max(0.5 * hold - lag, 0.0)
+            share = 0.5 * hold - lag
+            share = 0.0 if share < 0.0 else share
             # the first frame has no previous velocity
             change = velocity - last if last == last else 0.0
             droop.append(share * (kp * velocity + kd / hold * change))

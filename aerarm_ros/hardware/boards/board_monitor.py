@@ -23,6 +23,9 @@ class BoardMode(StrEnum):
     FAULT = 'fault'
 
 
+# Constants, because Python 3.11 is slow to look up members of an enumeration.
+_DISCONNECTED, _IDLE, _ALIGNING, _READY, _RUNNING, _FAULT = BoardMode
+
 _INDICES = 0x10000
 _MEMORY = 1000  # number of commands over which the loss rate is averaged
 # A higher rate means a loss in the last few thousand commands; a single loss gives 1/1000.
@@ -109,7 +112,8 @@ class CommandEcho:
             self.lost_in_row += 1
             self.rate += (is_lost - self.rate) / _MEMORY
         # A command may have arrived although the answer in its exchange was lost.
-        self.lost_in_row = min(self.lost_in_row, behind)
+        if behind < self.lost_in_row:
+            self.lost_in_row = behind
         self.unconfirmed = behind + 1
         self._answered = True
 
@@ -163,7 +167,7 @@ class BoardMonitor:
         self, name: str, profile: FrameProfile, channels: Sequence[int], settings: BridgeSettings
     ) -> None:
         self.name = name
-        self.mode = BoardMode.DISCONNECTED
+        self.mode: BoardMode = _DISCONNECTED
         self.fault = ''
         self.problem = _ADVICE
         self.good_frames = self.bad_frames = self.slow_exchanges = 0
@@ -219,14 +223,14 @@ class BoardMonitor:
         self.problem = problem or _ADVICE
         if not self.is_silent:
             return
-        if self.mode in (BoardMode.DISCONNECTED, BoardMode.IDLE) and not enable:
-            self.mode = BoardMode.DISCONNECTED
+        if self.mode in (_DISCONNECTED, _IDLE) and not enable:
+            self.mode = _DISCONNECTED
         else:
             why = problem or f'no frame with a correct check: {self.problem}'
             self.fail(f'{self._bad_in_row} consecutive frames were bad, {why}')
 
-    def received(self, state: BoardState, now: float, enable: bool, running: bool) -> None:
-        """Process a valid answer of the board.
+    def received(self, state: BoardState, now: float, enable: bool, running: bool) -> bool:
+        """Process a valid answer of the board; return the result of `is_aligned`.
 
         Parameters
         ----------
@@ -248,23 +252,25 @@ class BoardMonitor:
         if state.timestamp != self._timestamp:
             self._timestamp, self._fresh_time = state.timestamp, now
             self._frozen_in_row = 0
-        if self.mode is BoardMode.DISCONNECTED:
+        is_aligned = self.is_aligned(state)
+        if self.mode is _DISCONNECTED:
             if self._good_in_row < self._settings.connect_frames:
-                return
-            self.mode = BoardMode.IDLE
+                return is_aligned
+            self.mode = _IDLE
         if state.error:
             self.fail(self._profile.error_text(state.error))
         elif enable and self.echo.is_cut:
             self.fail(self.echo.fault)
-        elif self._is_frozen(now):
+        elif self._frozen_in_row and self._is_frozen(now):
             self.fail('frames are correct but their data is frozen: power-cycle the board')
-        if self.mode is not BoardMode.FAULT:
-            self._follow(state, now, enable, running)
+        if self.mode is not _FAULT:
+            self._follow(is_aligned, now, enable, running)
+        return is_aligned
 
     def fail(self, text: str) -> None:
         """Enter the mode fault with a fault text; the text of an earlier fault is kept."""
-        if self.mode is not BoardMode.FAULT:
-            self.mode = BoardMode.FAULT
+        if self.mode is not _FAULT:
+            self.mode = _FAULT
             self.fault = f'{self.name}: {text}'
 
     def counters(self) -> dict[str, int]:
@@ -278,7 +284,7 @@ class BoardMonitor:
 
     def clear(self, state: BoardState) -> str:
         """Leave the board's mode fault; return the reason if the fault persists, otherwise ''."""
-        if self.mode is not BoardMode.FAULT:
+        if self.mode is not _FAULT:
             return ''
         silent = self.is_silent
         if not silent and state.error:
@@ -289,8 +295,13 @@ class BoardMonitor:
             return self.fault
         self.fault = ''
         self._enabled_since = None
-        self.mode = BoardMode.DISCONNECTED if silent else BoardMode.IDLE
+        self.mode = _DISCONNECTED if silent else _IDLE
         return ''
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the board has sent enough consecutive valid answers to count as connected."""
+        return self.mode is not _DISCONNECTED
 
     @property
     def is_silent(self) -> bool:
@@ -311,19 +322,19 @@ class BoardMonitor:
         looks = self._frozen_in_row >= self._settings.bad_frames_max
         return looks and now - self._fresh_time > self._settings.state_age_max
 
-    def _follow(self, state: BoardState, now: float, enable: bool, running: bool) -> None:
+    def _follow(self, is_aligned: bool, now: float, enable: bool, running: bool) -> None:
         if not enable:
-            self.mode = BoardMode.IDLE
+            self.mode = _IDLE
             self._enabled_since = None
-        elif self.is_aligned(state):
-            self.mode = BoardMode.RUNNING if running else BoardMode.READY
-        elif self.mode in (BoardMode.READY, BoardMode.RUNNING):
+        elif is_aligned:
+            self.mode = _RUNNING if running else _READY
+        elif self.mode in (_READY, _RUNNING):
             self.fail(
                 'the board no longer drives its motors: check its supply, because it may '
                 'have restarted'
             )
         else:
-            self.mode = BoardMode.ALIGNING
+            self.mode = _ALIGNING
             self._enabled_since = now if self._enabled_since is None else self._enabled_since
             if now - self._enabled_since > self._settings.alignment_timeout:
                 self.fail(

@@ -16,7 +16,6 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink
-from aerarm_ros.hardware.boards.board_monitor import BoardMode
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 
@@ -425,7 +424,7 @@ class CommissioningProbe:
 
 def _board_problem(link: BoardLink) -> str:
     monitor = link.monitor
-    if monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
+    if monitor.is_silent or not monitor.is_connected:
         return f'{monitor.name} does not answer: {monitor.problem}'
     return monitor.fault
 

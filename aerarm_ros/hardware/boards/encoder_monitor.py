@@ -178,7 +178,7 @@ class ExpectedMotion:
         else:
             predicted = self._moved + (impulse - self._load * elapsed) * gain
             wrong = seen - predicted
-            looked = min(elapsed, _LOOKED)
+            looked = _LOOKED if elapsed > _LOOKED else elapsed
             self._speed = predicted + _SPEED_RATE * looked * wrong
             self._load -= _LOAD_RATE * looked * wrong / gain
         self._seen_speed, self._current = seen, current
@@ -218,7 +218,8 @@ class ExpectedMotion:
     def _adapt_load(self, current: float, elapsed: float) -> None:
         """Move the load estimate towards the motor current, at most at the rate of real loads."""
         step = self._rate * elapsed
-        self._load += min(max(current - self._load, -step), step)
+        change = current - self._load
+        self._load += -step if change < -step else step if change > step else change
 
 
 _JUMP_VELOCITY_FACTOR = 2.0
@@ -275,6 +276,8 @@ class EncoderMonitor:
     ----------
     trusted
         (n,) False for motors whose encoder had an implausible reading, until `clear`.
+    has_doubts
+        Whether `trusted` is False for any motor.
     is_position_reliable
         (n,) False for motors whose encoder has jumped or stands still implausibly. The flag is
         True again once the angle changes, because a changing load may have held the motor still.
@@ -285,6 +288,7 @@ class EncoderMonitor:
 
     def __init__(self, config: ArmConfig, stall_time: float, load_max: ArrayLike = 0.0) -> None:
         self.trusted: Mask = np.ones(config.n, dtype=bool)
+        self.has_doubts = False
         self.is_position_reliable: Mask = np.ones(config.n, dtype=bool)
         self.damping_speed: Array = np.full(config.n, inf)
         self._stall_time = stall_time
@@ -307,6 +311,7 @@ class EncoderMonitor:
     def clear(self) -> None:
         """Clear the faults of all encoders; monitoring starts at their present angles."""
         self.trusted[:] = self.is_position_reliable[:] = True
+        self.has_doubts = False
         self.damping_speed[:] = inf
         for encoder in self._encoders:
             encoder.clear()
@@ -380,8 +385,9 @@ class EncoderMonitor:
             fault = jump or stand or encoder.check_motion(amps, noisy, inertia, load)
             if fault:
                 self.trusted[i] = False
+                self.has_doubts = True
                 first = first or fault
-            if not self.trusted[i]:
+            if self.has_doubts and not self.trusted[i]:
                 self.is_position_reliable[i] = encoder.is_position_reliable
                 self.damping_speed[i] = encoder.damping_speed
         return first
@@ -467,16 +473,15 @@ class _Encoder:
 
     def check_angle(self, position: float, now: float, interval: float) -> str:
         """Check a motor angle [rad] for a jump since the last one, at most `interval` [s] ago."""
-        jump = self._jump(position, interval)
-        self.change = position - self.position
-        self.elapsed, self.is_pause = min(now - self.seen, interval), interval > _PAUSE
-        self.position, self.seen = position, now
-        return jump
-
-    def _jump(self, position: float, interval: float) -> str:
+        elapsed = now - self.seen
+        self.elapsed = interval if interval < elapsed else elapsed
+        self.is_pause = interval > _PAUSE
+        self.seen = now
+        last, self.position = self.position, position
+        self.change = position - last
         doubted = self.anchor == self.anchor
         # The second reading is compared with the angle before the jump.
-        before = self.anchor if doubted else self.position
+        before = self.anchor if doubted else last
         time = self.since_anchor + interval if doubted else interval
         change = abs(position - before)
         self.anchor = nan
@@ -524,10 +529,12 @@ class _Encoder:
         self.doubted_for += self.elapsed
         if self.doubted_for > stall_time:
             self.is_confirmed = True
-        held = self.held + _LOAD_SHARE * abs(current) + max(noise, self.moving_noise)
+        noisy = self.moving_noise if self.moving_noise > noise else noise
+        held = self.held + _LOAD_SHARE * abs(current) + noisy
         unexplained = abs(current - self.moving_current)
         if noise or abs(current) <= self.load:
-            unexplained = min(unexplained, abs(feedback - self.moving_feedback))
+            by_feedback = abs(feedback - self.moving_feedback)
+            unexplained = by_feedback if by_feedback < unexplained else unexplained
         if unexplained <= held:
             self.standing = 0.0
             return ''

@@ -254,7 +254,7 @@ class ZeroRecall:
         changed = False
         for link in self._links:
             board = self._waiting.get(link.monitor.name)
-            if board is None or not link.fresh or not link.is_connected:
+            if board is None or not link.fresh or not link.monitor.is_connected:
                 continue
             del self._waiting[board.name]
             joints = [number for number, _ in link.joints if not self._zeros.absolute[number]]

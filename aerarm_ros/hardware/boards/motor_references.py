@@ -151,11 +151,13 @@ class MotorReference:
 
     def torque(self, q: float, dq: float) -> float:
         """Return the joint torque [Nm] that the control law requests at q [rad], dq [rad/s]."""
-        return self._limited(self._law(self._reference(), q, dq))
+        return self._limited(self._present_law(q, dq))
 
     def note_sent(self) -> None:
         """Store the motor reference that this cycle's frame carries to the board."""
-        self._sent.append(self._reference())
+        self._sent.append(
+            (self.position, self.velocity, self.current, self.kp, self.kd, self.integral_gain)
+        )
 
     def kept_torque(self, q: float, dq: float, unconfirmed: int) -> float:
         """Return the joint torque [Nm] that the board requests if it lost the last commands.
@@ -163,7 +165,7 @@ class MotorReference:
         The board then keeps the command that is `unconfirmed` commands older than the last.
         """
         sent = self._sent
-        return self._limited(self._law(sent[-1 - min(unconfirmed, len(sent) - 1)], q, dq))
+        return self._limited(self._law(*sent[-1 - min(unconfirmed, len(sent) - 1)], q, dq))
 
     def wind_up(self, q: float, duration: float) -> None:
         """Advance the estimated integral term by `duration` [s] at the mean joint angle q [rad]."""
@@ -220,7 +222,7 @@ class MotorReference:
             Whether the joint is braked.
         """
         q, dq = barrier.q, barrier.filtered
-        law = self._law(self._reference(), q, dq)
+        law = self._present_law(q, dq)
         asked = self._limited(law)
         if barrier.lowest <= asked <= barrier.highest:
             gap = self._gap_kd(barrier, asked, law)
@@ -258,17 +260,33 @@ class MotorReference:
         """Return the damping gain [A s/rad] that limits the speed if no later command arrives."""
         per_gain = self._per_gain
         damping = barrier.gap_damping(torque, law, self.kp * per_gain, self.kd * per_gain)
-        return min(damping / per_gain, self._kd_max)
+        return min(damping / per_gain, self._kd_max) if damping else 0.0
 
-    def _reference(self) -> tuple[float, float, float, float, float, float]:
-        """Return the references and gains of the motor as a tuple for `_law`."""
-        return self.position, self.velocity, self.current, self.kp, self.kd, self.integral_gain
+    def _present_law(self, q: float, dq: float) -> float:
+        """Return the result of `_law` [Nm] for the present references and gains."""
+        return self._law(
+            self.position,
+            self.velocity,
+            self.current,
+            self.kp,
+            self.kd,
+            self.integral_gain,
+            q,
+            dq,
+        )
 
     def _law(
-        self, reference: tuple[float, float, float, float, float, float], q: float, dq: float
+        self,
+        position: float,
+        velocity: float,
+        current: float,
+        kp: float,
+        kd: float,
+        integral_gain: float,
+        q: float,
+        dq: float,
     ) -> float:
         """Return the joint torque [Nm] of the control law for a reference, before saturation."""
-        position, velocity, current, kp, kd, integral_gain = reference
         error = position - self.zero - self._slope * q - self._intercept
         current += kp * error + kd * (velocity - self._slope * dq)
         if integral_gain:
@@ -369,7 +387,7 @@ class MotorReferences:
     @property
     def integrates(self) -> bool:
         """Whether the integral term of any motor's control law is active."""
-        return any(motor.integral_gain for motor in self.motors)
+        return self._has_integral and any(motor.integral_gain for motor in self.motors)
 
     @property
     def feed_forward(self) -> list[float]:
@@ -392,6 +410,7 @@ class MotorReferences:
         reach = np.minimum(self._effort_max / stiffness, self._reach_max)
         for motor, row in zip(self.motors, np.transpose([*gains, reach]).tolist(), strict=True):
             motor.set_gains(*row)
+        self._has_integral = bool(gains[2].any())
 
     def check_gains(
         self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0

@@ -120,7 +120,7 @@ class EmulatedEncoder:
         self.velocity = 0.0
 
     def remount(self, angle: float) -> None:
-        """Move the encoder to another motor, whose shaft has the given angle [rad]; keep the count."""
+        """Move the encoder to a motor whose shaft has another angle [rad]; keep its count."""
         if self._angle is None:
             return  # the encoder has not begun to count
         self._shift += self._angle - angle

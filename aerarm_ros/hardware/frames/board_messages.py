@@ -108,7 +108,7 @@ _MASK = 0xFFFFFFFF
 _BIT_REVERSED = bytes(int(f'{byte:08b}'[::-1], 2) for byte in range(256))
 
 
-def crc32_mpeg2(data: bytes) -> int:
+def crc32_mpeg2(data: bytes) -> bytes:
     """Return the CRC-32/MPEG-2 of bytes: polynomial 0x04C11DB7, initial value all ones.
 
     The CRC-32 of zlib uses the same polynomial and initial value, but processes the bits of each
@@ -117,8 +117,8 @@ def crc32_mpeg2(data: bytes) -> int:
 
     Returns
     -------
-    int
-        Check value, 0 <= crc < 2**32.
+    bytes
+        Check value, four bytes, the most significant first.
     """
     reflected = zlib.crc32(data.translate(_BIT_REVERSED)) ^ _MASK
-    return int.from_bytes(reflected.to_bytes(4, 'little').translate(_BIT_REVERSED), 'big')
+    return reflected.to_bytes(4, 'little').translate(_BIT_REVERSED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterable, Mapping
 from struct import Struct
 from typing import Any
@@ -36,7 +37,7 @@ def unrolled_encoder(
         Struct of the payload.
     """
     lines, checks = ['def encode(record):'], []
-    known: dict[str, object] = {'pack': packer.pack}
+    known: dict[str, object] = {'pack': packer.pack, 'error': struct.error}
     parts: dict[int, list[str]] = {slot: [] for slot in sorted(set(slots.values()))}
     lines += _lists('record', fields)
     lines.append(' try:')
@@ -48,13 +49,20 @@ def unrolled_encoder(
             count, lowest = f'c{index}', field.count_range[0]
             known[f'k{index}'] = 1.0 / field.si_per_count
             lines.append(f'  c{index} = round({_value(field)} * k{index})')
-            checks.append(f'{1 if field.nonzero else lowest} <= c{index} <= {highest}')
+            # `pack` itself rejects a count that does not fit into whole words.
+            if field.is_bits:
+                checks.append(f'{1 if field.nonzero else lowest} <= c{index} <= {highest}')
+            elif field.nonzero:
+                checks.append(f'c{index} > 0')
             count = f'{count} {shift}' if field.bit else count
         parts[slots[field.word]].append(count)
-    lines += [' except (ValueError, OverflowError):', '  return None']
-    lines += [f' if not ({" and ".join(checks)}):', '  return None'] if checks else []
+    lines += [f'  if not ({" and ".join(checks)}):', '   return None'] if checks else []
     items = ', '.join(' | '.join(counts) or '0' for counts in parts.values())
-    lines.append(f' return pack({items})')
+    lines += [
+        f'  return pack({items})',
+        ' except (ValueError, OverflowError, error):',
+        '  return None',
+    ]
     return _made('encode', lines, known)
 
 
@@ -102,7 +110,6 @@ def _made(name: str, lines: list[str], known: Mapping[str, object]) -> Callable[
 
 _CODES = {'u16': 'H', 'i16': 'h', 'u32': 'I', 'i32': 'i', 'bits': 'H'}
 _PAYLOAD_BYTES = 2 * PAYLOAD_WORDS
-_CRC = Struct('>I')
 
 
 class FrameError(ValueError):
@@ -152,19 +159,25 @@ class FrameCodec:
 
 
 class _LayoutCodec:
-    """Encoder and decoder for the frames of one direction: commands or sensor frames."""
+    """Encoder and decoder for the frames of one direction: commands or sensor frames.
+
+    Attributes
+    ----------
+    fill
+        Function that decodes a payload, whose CRC was valid, into a record.
+    """
 
     def __init__(self, layout: FrameLayout) -> None:
-        self._swap_crc = layout.crc_words == 'low_first'
+        self._crc = _swapped_crc if layout.crc_words == 'low_first' else crc32_mpeg2
         self._struct, self._slots = _struct_of(layout)
         self._fields = layout.fields
         self._pack = unrolled_encoder(layout.fields, self._slots, self._struct)
-        self._fill = unrolled_decoder(layout.fields, self._slots, self._struct)
+        self.fill = unrolled_decoder(layout.fields, self._slots, self._struct)
 
     def encode(self, record: Record) -> bytes:
         """Return the frame of a record; raise FrameError if a value does not fit."""
         payload = self._pack(record) or self._pack_limited(record)
-        return payload + _CRC.pack(self._crc(payload))
+        return payload + self._crc(payload)
 
     def _pack_limited(self, record: Record) -> bytes:
         """Return the payload of a record whose values are limited to their fields' ranges."""
@@ -192,18 +205,14 @@ class _LayoutCodec:
         """Return the payload of a frame, None if the frame's length or CRC is wrong."""
         if len(frame) != FRAME_BYTES:
             return None
-        payload = bytes(frame[:_PAYLOAD_BYTES])
-        (check,) = _CRC.unpack_from(frame, _PAYLOAD_BYTES)
-        return payload if check == self._crc(payload) else None
+        payload = frame[:_PAYLOAD_BYTES]
+        return payload if frame[_PAYLOAD_BYTES:] == self._crc(payload) else None
 
-    def fill(self, record: Record, payload: bytes) -> None:
-        """Decode a payload, whose CRC was valid, into a record."""
-        self._fill(record, payload)
 
-    def _crc(self, payload: bytes) -> int:
-        """Return the CRC of a payload in the order in which its two words are sent."""
-        crc = crc32_mpeg2(payload)
-        return (crc & 0xFFFF) << 16 | crc >> 16 if self._swap_crc else crc
+def _swapped_crc(payload: bytes) -> bytes:
+    """Return the CRC of a payload with its two words in reverse order."""
+    crc = crc32_mpeg2(payload)
+    return crc[2:] + crc[:2]
 
 
 def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:

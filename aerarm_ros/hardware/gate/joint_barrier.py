@@ -324,7 +324,8 @@ class JointBarrier:
         if distance >= self.far:
             return self._fastest
         if distance < self._corner:
-            return max(self._approach * distance, -self._return)
+            speed = self._approach * distance
+            return -self._return if speed < -self._return else speed
         reachable = sqrt(2.0 * self._deceleration * (distance - 0.5 * self._corner))
         return min(reachable, self._fastest)
 
@@ -364,7 +365,12 @@ class JointBarrier:
         if interval > 0.0 or not self._is_known:
             if was_kept:
                 self._acceleration = self._kept_acceleration
-            self._measure(dq, inertia, interval)
+            speed = dq
+            if self._is_known and interval <= _APART and self._acceleration == self._acceleration:
+                speed = self._without_lag(dq, interval)
+                self._observe(speed, inertia, interval)
+            self._last_speed, self._speed = dq, speed
+            self._is_known = True
         self.inertia, self._modelled_load = inertia, load
         self.load = load = load + self._disturbance + self._turned
         gain = _FASTEST * inertia
@@ -416,38 +422,31 @@ class JointBarrier:
             Torque of the board's law without saturation [Nm], and its decrease with position
             [Nm/rad] and speed [Nms/rad].
         """
-        load = self._modelled_load
-        modelled = self._gap_damping(torque - load, law - load, stiffness, damping)
-        load += self._disturbance
-        return max(modelled, self._gap_damping(torque - load, law - load, stiffness, damping))
-
-    def _gap_damping(self, excess: float, wanted: float, stiffness: float, damping: float) -> float:
-        """Return the damping of `gap_damping` [Nms/rad] for torques [Nm] in excess of a load."""
-        speed = self.dq
-        if excess < 0.0:
-            speed, excess, wanted = -speed, -excess, -wanted
-        margin = self._disturbance_max
-        if damping > 0.0 and abs(speed) > _TURNED_SPEED_SHARE * self._unhindered:
-            # With weak damping, the braking of other joints would accelerate a fast joint.
-            if speed > 0.0:
-                excess, wanted = excess + margin, wanted + margin
-            elif excess < margin:
-                speed, excess, wanted = -speed, margin - excess, margin - wanted
-        room, inertia, stiffness = self._gap_speed - speed, self.inertia, stiffness * self.inertia
-        pull, slack = self._gap_pull, self._gap_room_min
-        if (excess + pull) * self._gap_time <= room * inertia:
-            return 0.0
-        # Without external load the joint reaches the intended speed, with one slightly more.
+        margin, pull, slack = self._disturbance_max, self._gap_pull, self._gap_room_min
+        inertia, stiffness, time = self.inertia, stiffness * self.inertia, self._gap_time
         needed = 0.0
-        for speed_max, pulled in ((self._gap_speed, 0.0), (self._gap_speed + slack, pull)):
-            room, force, law = speed_max - speed, excess + pulled, wanted + pulled
-            if (
-                force * self._gap_time > room * inertia
-                and law >= room * damping
-                and law * law >= (speed_max + speed) * room * stiffness
-            ):
-                needed = max(needed, force / max(room, slack))
-        return min(needed, _GAP_FASTEST * inertia)
+        for load in (self._modelled_load, self._modelled_load + self._disturbance):
+            speed, excess, wanted = self.dq, torque - load, law - load
+            if excess < 0.0:
+                speed, excess, wanted = -speed, -excess, -wanted
+            if damping > 0.0 and abs(speed) > _TURNED_SPEED_SHARE * self._unhindered:
+                # With weak damping, the braking of other joints would accelerate a fast joint.
+                if speed > 0.0:
+                    excess, wanted = excess + margin, wanted + margin
+                elif excess < margin:
+                    speed, excess, wanted = -speed, margin - excess, margin - wanted
+            if (excess + pull) * time <= (self._gap_speed - speed) * inertia:
+                continue
+            # Without external load the joint reaches the intended speed, with one slightly more.
+            for speed_max, pulled in ((self._gap_speed, 0.0), (self._gap_speed + slack, pull)):
+                room, force, requested = speed_max - speed, excess + pulled, wanted + pulled
+                if (
+                    force * time > room * inertia
+                    and requested >= room * damping
+                    and requested * requested >= (speed_max + speed) * room * stiffness
+                ):
+                    needed = max(needed, force / max(room, slack))
+        return min(needed, _GAP_FASTEST * inertia) if needed else 0.0
 
     def mean_filtered(self, torque: float) -> float:
         """Return the mean filtered speed [rad/s] during a cycle in which a torque [Nm] acts."""
@@ -456,16 +455,6 @@ class JointBarrier:
         followed = 1.0 - (1.0 - self._share_kept(cycle)) / time
         gained = (torque - self.load) / self.inertia * cycle * (0.5 - followed / time)
         return self.filtered + followed * (self.dq - self.filtered) + gained
-
-    def _measure(self, dq: float, inertia: float, interval: float) -> None:
-        """Process a measured speed [rad/s], `interval` [s] after the previous measurement."""
-        if self._is_known and interval <= _APART and self._acceleration == self._acceleration:
-            speed = self._without_lag(dq, interval)
-            self._observe(speed, inertia, interval)
-        else:
-            speed = dq
-        self._last_speed, self._speed = dq, speed
-        self._is_known = True
 
     def _observe(self, speed: float, inertia: float, interval: float) -> None:
         """Estimate the unknown load from the change of speed [rad/s] in `interval` [s]."""
@@ -478,7 +467,9 @@ class JointBarrier:
         if abs(speed) > _TURNED_SPEED_SHARE * self._unhindered:
             turned = self._turned + _TURNED_PART * (learned - self._disturbance)
             largest = self._turned_max
-            self._turned = min(max(turned, -largest), largest)
+            self._turned = (
+                -largest if turned < -largest else largest if turned > largest else turned
+            )
         else:
             self._turned *= _TURNED_FADING / (_TURNED_FADING + interval)
 
@@ -499,6 +490,8 @@ class JointBarrier:
 
     def _bound(self, distance: float, speed: float, gain: float, inertia: float) -> float:
         """Return the largest allowed torque [Nm] towards a limit, in excess of the load."""
+        if distance >= self.far and not self.is_released:  # the usual case
+            return gain * (self._fastest - speed)
         allowed = self.speed(distance)
         if allowed >= self._fastest or speed <= 0.0 or self.is_released:
             braking = 0.0

@@ -56,13 +56,17 @@ class JointLimiter:
     __slots__ = (
         '_effort_max',
         '_effort_rate_max',
+        '_effort_stop',
+        '_error_max',
+        '_highest',
         '_last_effort',
         '_last_position',
+        '_lowest',
         '_name',
         '_position_max',
         '_position_min',
-        '_settings',
         '_velocity_max',
+        '_velocity_stop',
         'barrier',
         'effort',
         'effort_limit',
@@ -76,11 +80,15 @@ class JointLimiter:
         self.barrier = barrier
         self.limited: list[str] = []
         self._name = joint.name
-        self._settings = settings
         self._position_min, self._position_max = joint.position_min, joint.position_max
+        tolerance = settings.position_tolerance
+        self._lowest, self._highest = joint.position_min - tolerance, joint.position_max + tolerance
         self._velocity_max = joint.velocity_max
+        self._velocity_stop = settings.velocity_factor * joint.velocity_max
         self._effort_max = self.effort_limit = joint.effort_max
+        self._effort_stop = settings.effort_factor * joint.effort_max
         self._effort_rate_max = joint.effort_rate_max
+        self._error_max = settings.position_error_max
         self.restart()
 
     def restart(self) -> None:
@@ -90,18 +98,17 @@ class JointLimiter:
 
     def is_inside(self, q: float) -> bool:
         """Return whether a joint angle [rad] is within its limits, tolerance included."""
-        tolerance = self._settings.position_tolerance
-        return self._position_min - tolerance <= q <= self._position_max + tolerance
+        return self._lowest <= q <= self._highest
 
     def state_violation(self, q: float, dq: float) -> str:
         """Return why the joint's position [rad] or velocity [rad/s] requires a stop, or ''."""
-        if not self.is_inside(q):
+        if not self._lowest <= q <= self._highest:
             return (
                 f'{self._name} is at {q:.3f} rad, outside its limits {self._position_min:.3f} to '
                 f'{self._position_max:.3f}: disable the arm, move it back by hand, then clear '
                 'the fault'
             )
-        if not abs(dq) <= self._settings.velocity_factor * self._velocity_max:
+        if not abs(dq) <= self._velocity_stop:
             return (
                 f'{self._name} runs at {dq:.2f} rad/s, above its limit of '
                 f'{self._velocity_max:.2f}: check the controller and the encoder'
@@ -110,16 +117,16 @@ class JointLimiter:
 
     def command_violation(self, position: float, velocity: float, effort: float, q: float) -> str:
         """Return why a command requires a stop of the arm, or ''; unused references are NaN."""
-        settings, what = self._settings, ''
+        what = ''
         if position == position and not self.is_inside(position):
             what = f'a position of {position:.3f} rad, outside its limits'
-        elif abs(position - q) > settings.position_error_max:
+        elif abs(position - q) > self._error_max:
             what = f'a position of {position:.3f} rad while it is at {q:.3f}, too far for one step'
-        elif abs(velocity) > settings.velocity_factor * self._velocity_max:
+        elif abs(velocity) > self._velocity_stop:
             what = (
                 f'a velocity of {velocity:.2f} rad/s, above its limit of {self._velocity_max:.2f}'
             )
-        elif abs(effort) > settings.effort_factor * self._effort_max:
+        elif abs(effort) > self._effort_stop:
             what = f'an effort of {effort:.2f} Nm, above its limit of {self._effort_max:.2f}'
         return what and f'{self._name} was commanded {what}: check the controller'
 
@@ -130,10 +137,17 @@ class JointLimiter:
         self._last_position = self.position
         self.velocity = velocity
         if velocity == velocity:
-            velocity = self._held(velocity, -self._velocity_max, self._velocity_max, 'velocity')
+            most = self._velocity_max
+            if not -most <= velocity <= most:
+                velocity = self._held(velocity, -most, most, 'velocity')
             slowest, fastest = self._speeds(q)
-            self.velocity = self._held(velocity, slowest, fastest, 'soft_zone')
-        self.effort = self._effort(effort, dt)
+            if not slowest <= velocity <= fastest:
+                velocity = self._held(velocity, slowest, fastest, 'soft_zone')
+            self.velocity = velocity
+        if effort == effort:
+            self.effort = self._last_effort = self._limited_effort(effort, dt)
+        else:
+            self.effort, self._last_effort = nan, 0.0
 
     def _speeds(self, q: float) -> tuple[float, float]:
         """Return the largest allowed reference speeds at q [rad], negative and positive."""
@@ -145,7 +159,8 @@ class JointLimiter:
         speed, slowest = self.barrier.speed, _SLOWEST_SHARE * most
         up = _REFERENCE_SHARE * speed(self._position_max - q)
         down = _REFERENCE_SHARE * speed(q - self._position_min)
-        return -min(max(down, slowest), most), min(max(up, slowest), most)
+        down = slowest if down < slowest else most if down > most else down
+        return -down, slowest if up < slowest else most if up > most else up
 
     def _position(self, position: float, q: float, dt: float) -> float:
         position = self._held(position, self._position_min, self._position_max, 'position')
@@ -156,15 +171,11 @@ class JointLimiter:
         slowest, fastest = self._speeds(start)
         return self._held(position, start + slowest * dt, start + fastest * dt, 'soft_zone')
 
-    def _effort(self, effort: float, dt: float) -> float:
-        if effort != effort:
-            self._last_effort = 0.0
-            return effort
+    def _limited_effort(self, effort: float, dt: float) -> float:
         effort = self._held(effort, -self.effort_limit, self.effort_limit, 'effort')
         step = self._effort_rate_max * dt
         last = self._last_effort
-        self._last_effort = self._held(effort, last - step, last + step, 'effort_rate')
-        return self._last_effort
+        return self._held(effort, last - step, last + step, 'effort_rate')
 
     def _held(self, value: float, lowest: float, highest: float, name: str) -> float:
         """Return a reference clipped to bounds; record `name` if this changed the reference."""

@@ -43,8 +43,9 @@ def test_a_value_at_either_end_of_its_field_is_packed_and_one_beyond_is_not():
     lowest, highest = current.count_range
     for count in (lowest, highest):
         assert packed(current=[count * current.si_per_count, 0.0])[current.word] == count
+    pack = FrameCodec(load_profile())._command._pack
     for count in (lowest - 1, highest + 1):
-        assert packed(current=[count * current.si_per_count, 0.0]) is None
+        assert pack(BoardCommand(current=[count * current.si_per_count, 0.0])) is None
 
 
 @pytest.mark.parametrize('value', [float('nan'), float('inf'), -float('inf')])
