@@ -97,7 +97,7 @@ def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
 
 
 def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
-    """Return bounds of how fast each pair's distance changes with each joint angle, (pairs, n).
+    """Return upper bounds of the change of distance per joint angle, (pairs, n), for pairs of bodies.
 
     The distance of two bodies changes by at most the relative motion of their points. A rotation
     of joint j by one radian moves a point of a body by at most the point's distance from the
@@ -362,7 +362,7 @@ class Clearance:
 
 
 class ClearanceChecker:
-    """Check that a motion keeps all required distances, including times between samples.
+    """Check that a motion keeps all required distances, also between its samples.
 
     Parameters
     ----------

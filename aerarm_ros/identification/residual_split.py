@@ -356,7 +356,7 @@ def _explained(
 
 
 def _held_out_gain(residual: Array, groups: list[Array], fold: npt.NDArray[np.intp]) -> float:
-    """Return the fraction of the mean square that patterns explain in held-out parts."""
+    """Return the fraction of the residual's mean square that patterns explain in held-out data."""
     columns = np.hstack(groups)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     products = [columns[fold == k].T @ columns[fold == k] for k in range(FOLDS)]

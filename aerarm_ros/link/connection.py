@@ -259,7 +259,7 @@ class Connection:
 
     @property
     def answer(self) -> bytes | None:
-        """Reply to the sender of the datagram that was received last, or None."""
+        """Function that replies to the sender of the last datagram, None before the first one."""
         return self._session.answer
 
     @property

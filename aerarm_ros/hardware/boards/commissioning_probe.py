@@ -501,7 +501,7 @@ class _Drive:
                 sums[i] += value
 
     def strokes(self) -> tuple[Stroke, ...]:
-        """Return the means while the joint moved in positive, and in negative direction."""
+        """Return the mean measurements of the positive and of the negative direction of motion."""
         return tuple(
             Stroke(*(value / max(count, 1.0) for value in values))
             for count, *values in (self._sums[1], self._sums[-1])

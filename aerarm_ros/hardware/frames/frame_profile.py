@@ -313,7 +313,7 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
 
 
 def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
-    """Return profile `base` with the entries of `document`; its fields replace overlapping ones."""
+    """Return profile `base`, in which fields of `document` replace the fields that they overlap."""
     merged = {**base, **document}
     merged['errors'] = {**base.get('errors', {}), **document.get('errors', {})}
     for direction in ('command', 'sensor'):

@@ -90,7 +90,7 @@ class _Trial:
         return total if np.isfinite(total) else np.inf
 
     def step(self, weight: Array, start: Array, std: Array, least: Array) -> Array:
-        """Return the Gauss-Newton step (k,) of the joint coefficients."""
+        """Return the Gauss-Newton step (k,) of the parameters that all parts share."""
         # Local import, because the import is slow and few users need this solver.
         from scipy.optimize import lsq_linear
 

@@ -192,7 +192,7 @@ class StateNode:
     # Methods for derived nodes to override.
 
     def build(self) -> None:
-        """Create the ROS-free objects; raises ValueError."""
+        """Create the objects that do not need ROS; raise ValueError for invalid parameters."""
 
     def connect(self) -> None:
         """Create publishers and subscriptions."""

@@ -296,7 +296,7 @@ class DroneRecordings:
         self._report(key, name, STORED, number=number, files=served.server.manifest)
 
     def _withdraw(self, number: int, error: OSError) -> None:
-        """Withdraw the offer of a bag, and report that the drone cannot read it."""
+        """Cancel the transfer of a bag, and report to the ground that it is unreadable."""
         served = self._served.pop(number)
         served.server.close()
         self._report(served.key, served.name, FAILED,

@@ -193,7 +193,7 @@ def _check_value(rule: str, left: str, value: str) -> None:
     if not is_read:
         raise UsageError(
             f"-p {rule} has no valid value: use 2.5, true, '[1.0, 2.0]' or a string. A string "
-            f'that contains YAML special characters needs two pairs of quotes: -p {left}:="\'TEXT\'"'
+            f'with YAML special characters needs two pairs of quotes: -p {left}:="\'TEXT\'"'
         )
 
 
