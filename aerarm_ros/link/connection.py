@@ -289,10 +289,7 @@ class Connection:
     def _body(self, now: float, now_ns: int, system_ns: int) -> bytes:
         their_ns, came_ns = self._their_times
         times = _TIMES.pack(now_ns, system_ns, their_ns, now_ns - came_ns if their_ns else 0)
-        body = [
-            _entry(_TIME, times),
-            _entry(_CONFIRMED, _CONFIRM.pack(*self._received_numbers)),
-        ]
+        body = [_entry(_TIME, times), _entry(_CONFIRMED, _CONFIRM.pack(*self._received_numbers))]
         room = DATAGRAM_MAX - OVERHEAD - sum(map(len, body))
         body += [_entry(kind, content) for kind, content in self._contents(now, room)]
         return b''.join(body)

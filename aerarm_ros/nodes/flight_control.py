@@ -39,7 +39,7 @@ from aerarm_ros.ros.parameters.shared_parameters import (
     prepare_thread,
 )
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.process_end import StopSignals, print_account
+from aerarm_ros.ros.process.process_end import StopSignals, print_answer
 from aerarm_ros.ros.states.flight_stream import FlightStream
 
 NAME = 'flight_control'
@@ -111,7 +111,7 @@ class FlightControlNode:
                     self._take()
                 else:
                     self._note_silence()
-        print_account(NAME, f'{self._answers} commands, {self._rejections} inputs rejected')
+        print_answer(f'{NAME}: {self._answers} commands, {self._rejections} inputs rejected')
 
     def close(self) -> None:
         """Destroy the node."""

@@ -238,7 +238,7 @@ SUITE_TOPICS = tuple(name for name in TOPICS if name not in _UNRECORDED)
 
 
 def find_topics(entries: Sequence[str]) -> list[Topic]:
-    """Convert entries of the parameter `topics` to topics.
+    """Return the topics that the entries of the recorder's parameter `topics` describe.
 
     Parameters
     ----------

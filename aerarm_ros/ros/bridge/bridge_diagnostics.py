@@ -108,11 +108,7 @@ def _rows(name: str, summary: TimingSummary) -> dict[str, str]:
         'p99.9': summary.p999,
         'max': summary.maximum,
     }
-    return {f'{name} {key} [us]': _us(value) for key, value in fields.items()}
-
-
-def _us(seconds: float) -> str:
-    return f'{seconds * 1e6:.0f}'
+    return {f'{name} {key} [us]': f'{seconds * 1e6:.0f}' for key, seconds in fields.items()}
 
 
 _END = object()
@@ -164,10 +160,7 @@ class BridgeDiagnostics:
     """
 
     def __init__(
-        self,
-        node: Node,
-        now_ns: Callable[[], int],
-        others: Callable[[], Sequence[Status]] = tuple,
+        self, node: Node, now_ns: Callable[[], int], others: Callable[[], Sequence[Status]] = tuple
     ) -> None:
         self._others = others
         self._output = DiagnosticsPublisher(node, now_ns=now_ns)
@@ -254,17 +247,12 @@ def resistance_key(joint: str) -> str:
     return f'{joint} resistance [ohm]'
 
 
-def winding_key(joint: str) -> str:
-    """Return the diagnostics key of the estimated winding temperature of a joint's motor."""
-    return f'{joint} winding [degC]'
-
-
 def _heat(watched: Watched) -> dict[str, object]:
     """Return the diagnostics of temperatures, thermal torque limits and supply voltages."""
     values: dict[str, object] = {}
     heat = watched.cycle.heat
     for name, limit in zip(watched.joint_names, heat.limits, strict=True):
-        values[winding_key(name)] = f'{limit.motor.winding:.1f}'
+        values[f'{name} winding [degC]'] = f'{limit.motor.winding:.1f}'
         values[f'{name} housing [degC]'] = f'{limit.motor.housing:.1f}'
         values[f'{name} torque limit [Nm]'] = f'{limit.effort_limit:.2f}'
         is_finite = isfinite(limit.remaining)
@@ -306,7 +294,7 @@ _PATIENCE = 1.0
 _ALTERNATING = ('running', 'damping')
 # Modes that are logged with their reason. `RejectionLog` logs the rejections of commands.
 _WITH_REASON = ('disconnected', 'unhomed', 'damping', 'fault')
-_SINKS = 'The bridge damps the arm, which sinks until a valid command arrives'
+_SINKS = 'The arm sinks until a valid command arrives'
 
 
 class ModeLog:

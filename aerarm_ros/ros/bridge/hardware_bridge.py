@@ -50,33 +50,11 @@ from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone, prepare_thread
-from aerarm_ros.ros.process.process_end import StopSignals, print_account
+from aerarm_ros.ros.process.process_end import StopSignals, print_answer
 from aerarm_ros.ros.process.shared_ports import PortWatch
 
 if TYPE_CHECKING:  # for type checkers only
     from aerarm_ros.hardware.boards.board_link import Transport
-
-
-class RobotDescription:
-    """Publish the URDF once on `robot_description`, latched for later subscribers.
-
-    Parameters
-    ----------
-    node
-        Owner of the publisher.
-    urdf_text
-        Text of the URDF.
-    """
-
-    def __init__(self, node: Node, urdf_text: str) -> None:
-        self._node = node
-        topic = topics.ROBOT_DESCRIPTION
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
-        self._publisher.publish(String(data=urdf_text))
-
-    def destroy(self) -> None:
-        """Destroy the publisher, so that later subscribers receive no URDF."""
-        self._node.destroy_publisher(self._publisher)
 
 
 def answer_invalid_transitions(node: LifecycleNode) -> None:
@@ -285,7 +263,9 @@ class HardwareBridge(LifecycleNode):
         self.streams = BridgeStreams(self, config.joint_names)
         self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
         self._duplicates = DuplicatePublisherWatch(self, topics.JOINT_STATES)
-        self._description = RobotDescription(self, urdf)
+        topic = topics.ROBOT_DESCRIPTION
+        self._description = self.create_publisher(topic.type, topic.name, topic.offered)
+        self._description.publish(String(data=urdf))  # latched for later subscribers
         return SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -327,7 +307,7 @@ class HardwareBridge(LifecycleNode):
         self._watch.destroy()
         self._duplicates.destroy()
         self.streams.destroy()
-        self._description.destroy()
+        self.destroy_publisher(self._description)
         self._transport.close()
         self._zero_file.close()
         self.cycle = self._loop = None
@@ -394,7 +374,7 @@ class HardwareBridge(LifecycleNode):
             prepare_thread(self.values, self.get_logger())
             self._run_while_active()
         account = self._timing.account() if self._timing else 'no cycle has run yet'
-        print_account(self.get_name(), account)
+        print_answer(f'{self.get_name()}: {account}')
 
     def close(self) -> None:
         """Destroy the node."""

@@ -34,7 +34,7 @@ from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import prepare_thread
-from aerarm_ros.ros.process.process_end import StopSignals, print_account
+from aerarm_ros.ros.process.process_end import StopSignals, print_answer
 from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
 from aerarm_ros.ros.states.state_stream import StateStream, base_header
 
@@ -286,7 +286,7 @@ class StateNode:
                 patience = self.silence(silent_for) if silent_for > timeout else timeout
             if rclpy.ok():
                 self.leave()
-        print_account(self.node.get_name(), self.diagnostics.account())
+        print_answer(f'{self.node.get_name()}: {self.diagnostics.account()}')
 
     def close(self) -> None:
         """Destroy the node."""

@@ -206,16 +206,14 @@ def imu(values: SimpleNamespace, plant: FreeBasePlant) -> DelayedSensor[ImuReadi
     )
 
 
-def odometry(values: SimpleNamespace, plant: FlyingPlant) -> DelayedSensor[OdometryReading]:
-    """Return the drone's odometry sensor, or raise ValueError for invalid parameters."""
-    errors = OdometryErrors(*_numbers(values, 'odometry_noise', 4))
-    noisy = NoisyOdometry(errors, _seed(values, _ODOMETRY_SEED))
-    return DelayedSensor(
-        lambda: noisy.apply(plant.odometry),
-        values.odometry_rate,
-        values.period,
-        values.odometry_delay,
-    )
+def odometry(
+    values: SimpleNamespace, plant: FlyingPlant, name: str = 'odometry', seed: int = _ODOMETRY_SEED
+) -> DelayedSensor[OdometryReading]:
+    """Return the odometry sensor of a topic, or raise ValueError for invalid parameters."""
+    errors = OdometryErrors(*_numbers(values, f'{name}_noise', 4))
+    noisy = NoisyOdometry(errors, _seed(values, seed))
+    rate, delay = getattr(values, f'{name}_rate'), getattr(values, f'{name}_delay')
+    return DelayedSensor(lambda: noisy.apply(plant.odometry), rate, values.period, delay)
 
 
 def other_odometry(
@@ -225,14 +223,7 @@ def other_odometry(
     true = DelayedSensor(lambda: plant.odometry, _TRUE_RATE, values.period)
     found = [(topics.TRUE_ODOMETRY, true)]
     if values.external_odometry_rate:
-        errors = OdometryErrors(*_numbers(values, 'external_odometry_noise', 4))
-        noisy = NoisyOdometry(errors, _seed(values, _EXTERNAL_SEED))
-        external = DelayedSensor(
-            lambda: noisy.apply(plant.odometry),
-            values.external_odometry_rate,
-            values.period,
-            values.external_odometry_delay,
-        )
+        external = odometry(values, plant, 'external_odometry', _EXTERNAL_SEED)
         found.append((topics.EXTERNAL_ODOMETRY, external))
     return found
 

@@ -33,12 +33,7 @@ from aerarm_ros.ros.bridge.hardware_bridge import Command, World
 from aerarm_ros.ros.emulation import drone_parameters
 from aerarm_ros.ros.emulation.drone_parameters import CONTACT, DRONE_PARAMETERS
 from aerarm_ros.ros.emulation.emulated_sensors import SENSOR_PARAMETERS, EmulatedSensors
-from aerarm_ros.ros.emulation.emulated_world import (
-    LAG,
-    PACE_PARAMETERS,
-    REAL_TIME,
-    EmulatedWorld,
-)
+from aerarm_ros.ros.emulation.emulated_world import LAG, PACE_PARAMETERS, REAL_TIME, EmulatedWorld
 from aerarm_ros.ros.emulation.emulation_parameters import EMULATION_PARAMETERS, plant_parameters
 from aerarm_ros.ros.emulation.flying_drone import EmulatedDrone, FlyingDrone
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,8 +12,9 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.node import Node
 
 from aerarm_msgs_py.topics import RELIABLE
-from aerarm_ros.ros.emulation.flying_drone import fill_quaternion, fill_vector, to_time
+from aerarm_ros.ros.emulation.flying_drone import fill_quaternion, fill_vector
 from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.simulation.arm_plant import ArmPlant
 from aerarm_ros.simulation.flying_plant import FreeBasePlant
 from aerarm_ros.simulation.mocap import (
@@ -107,69 +110,60 @@ class EmulatedSensors:
 
     def __init__(self, node: Node, plant: ArmPlant, link: str, values: SimpleNamespace) -> None:
         self._node = node
-        self._clock_ns = round(1e9 * values.mocap_clock)
-        self._mocap: DelayedSensor[Any] | None = None
-        self._camera: DelayedSensor[Any] | None = None
-        self._markers: list[Any] = []
-        self._pose: Any = None
-        self._body: DelayedSensor[Any] | None = None
-        self._drone: Any = None
+        self._publishers: list[Any] = []
+        # Each sensor with the function that publishes its samples.
+        self._sensors: list[tuple[DelayedSensor[Any], Callable[[int, Any], None]]] = []
         seed = max(values.seed, 0)
+
+        def add(read: Callable[[Any], Any], rate: float, publish: Callable[..., None]) -> None:
+            sensor = DelayedSensor(lambda: read(plant), rate, values.period, _DEPTH)
+            self._sensors.append((sensor, publish))
+
         if values.mocap_rate > 0.0:
             mocap = EmulatedMocap(link, seed, MocapSettings(noise=values.mocap_noise))
-            self._mocap = DelayedSensor(
-                lambda: mocap.read(plant), values.mocap_rate, values.period, _DEPTH
-            )
-            self._markers = [
-                node.create_publisher(PointStamped, f'mocap/{name}', RELIABLE)
-                for name in mocap.names
-            ]
+            clock_ns = round(1e9 * values.mocap_clock)
+            markers = [self._publisher(PointStamped, f'mocap/{name}') for name in mocap.names]
+            add(mocap.read, values.mocap_rate, partial(_publish_markers, markers, clock_ns))
             if isinstance(plant, FreeBasePlant):
-                self._body = DelayedSensor(
-                    lambda: mocap.read_body(plant), values.mocap_rate, values.period, _DEPTH
-                )
-                self._drone = node.create_publisher(PoseStamped, 'mocap/drone', RELIABLE)
+                body = self._publisher(PoseStamped, 'mocap/drone')
+                publish = partial(_publish_pose, body, 'mocap', clock_ns)
+                add(mocap.read_body, values.mocap_rate, publish)
         if values.camera_rate > 0.0:
-            settings = CameraSettings(pixel_noise=values.camera_noise)
-            camera = EmulatedCamera(link, seed, settings)
-            self._camera = DelayedSensor(
-                lambda: camera.read(plant), values.camera_rate, values.period, _DEPTH
-            )
-            self._pose = node.create_publisher(PoseStamped, 'camera/marker', RELIABLE)
+            camera = EmulatedCamera(link, seed, CameraSettings(pixel_noise=values.camera_noise))
+            marker = self._publisher(PoseStamped, 'camera/marker')
+            add(camera.read, values.camera_rate, partial(_publish_pose, marker, 'camera', 0))
 
     def update(self, stamp_ns: int) -> None:
         """Sample the sensors in the cycle with the stamp `stamp_ns` [ns]; publish measurements."""
-        if self._mocap is not None and (sample := self._mocap.update(stamp_ns)) is not None:
-            self._publish_markers(*sample)
-        if self._body is not None and (sample := self._body.update(stamp_ns)) is not None:
-            self._publish_pose(self._drone, 'mocap', sample[0] + self._clock_ns, sample[1])
-        if self._camera is not None and (sample := self._camera.update(stamp_ns)) is not None:
-            self._publish_pose(self._pose, 'camera', *sample)
+        for sensor, publish in self._sensors:
+            if (sample := sensor.update(stamp_ns)) is not None:
+                publish(*sample)
 
     def destroy(self) -> None:
         """Destroy the publishers."""
-        for publisher in (*self._markers, self._pose, self._drone):
-            if publisher is not None:
-                self._node.destroy_publisher(publisher)
+        for publisher in self._publishers:
+            self._node.destroy_publisher(publisher)
 
-    def _publish_markers(self, stamp_ns: int, frame: Any) -> None:
-        for publisher, position in zip(self._markers, frame, strict=True):
-            if not np.isfinite(position).all():
-                continue  # hidden marker: a motion capture publishes no pose
-            message = PointStamped()
-            message.header.frame_id = 'mocap'
-            message.header.stamp = to_time(stamp_ns + self._clock_ns)
-            fill_vector(message.point, position)
-            publisher.publish(message)
+    def _publisher(self, kind: Any, topic: str) -> Any:
+        publisher = self._node.create_publisher(kind, topic, RELIABLE)
+        self._publishers.append(publisher)
+        return publisher
 
-    @staticmethod
-    def _publish_pose(publisher: Any, frame: str, stamp_ns: int, pose: Any) -> None:
-        if pose is None:
-            return  # the camera does not see the marker
-        rotation, place = pose
-        message = PoseStamped()
-        message.header.frame_id = frame
-        message.header.stamp = to_time(stamp_ns)
-        fill_vector(message.pose.position, place)
-        fill_quaternion(message.pose.orientation, quaternion_of(rotation))
+
+def _publish_markers(publishers: Sequence[Any], clock_ns: int, stamp_ns: int, frame: Any) -> None:
+    for publisher, position in zip(publishers, frame, strict=True):
+        if not np.isfinite(position).all():
+            continue  # hidden marker: a motion capture publishes no position
+        message = PointStamped(header=base_header(stamp_ns + clock_ns, 'mocap'))
+        fill_vector(message.point, position)
         publisher.publish(message)
+
+
+def _publish_pose(publisher: Any, frame: str, clock_ns: int, stamp_ns: int, pose: Any) -> None:
+    if pose is None:
+        return  # the camera does not see the marker
+    rotation, place = pose
+    message = PoseStamped(header=base_header(stamp_ns + clock_ns, frame))
+    fill_vector(message.pose.position, place)
+    fill_quaternion(message.pose.orientation, quaternion_of(rotation))
+    publisher.publish(message)

@@ -61,11 +61,7 @@ class WorldLoop(PeriodicLoop):
     """
 
     def __init__(
-        self,
-        period: float,
-        hold: Callable[[], bool],
-        wait_first: bool = True,
-        start_ns: int = 0,
+        self, period: float, hold: Callable[[], bool], wait_first: bool = True, start_ns: int = 0
     ) -> None:
         super().__init__(period)
         self.slipped_ns = self.paused_ns = 0
@@ -529,8 +525,8 @@ class EmulatedWorld:
 
     def _warn(self, what: str, then: str) -> None:
         self._warn_once(
-            f'{what} within {self._patience:g} s (answer_timeout), so the simulation stops '
-            f'waiting, and {then}'
+            f'{what} within {self._patience:g} s (answer_timeout), so the simulation '
+            f'continues without waiting, and {then}'
         )
 
     def _warn_once(self, text: str) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from math import inf
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
@@ -44,18 +43,14 @@ class EmulatedDrone:
     """
 
     def __init__(
-        self,
-        node: Node,
-        plant: FreeBasePlant,
-        imu: DelayedSensor[ImuReading],
-        imu_frame: str,
+        self, node: Node, plant: FreeBasePlant, imu: DelayedSensor[ImuReading], imu_frame: str
     ) -> None:
         self._node = node
         self._plant = plant
         self._imu = imu
         self._publisher = node.create_publisher(Imu, topics.IMU.name, topics.IMU.offered)
         self._message = Imu()
-        self._message.header.frame_id = imu_frame
+        self._imu_frame = imu_frame
         self._is_moving = False
 
     def update(self, mode: str, stamp_ns: int) -> None:
@@ -75,17 +70,11 @@ class EmulatedDrone:
     def _publish(self, stamp_ns: int, reading: ImuReading) -> None:
         attitude, rate, force = reading
         message = self._message
-        message.header.stamp = to_time(stamp_ns)
+        message.header = base_header(stamp_ns, self._imu_frame)
         fill_quaternion(message.orientation, attitude)
         fill_vector(message.angular_velocity, rate)
         fill_vector(message.linear_acceleration, force)
         self._publisher.publish(message)
-
-
-def to_time(stamp_ns: int) -> Time:
-    """Convert a time [ns] to the stamp of a ROS message."""
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
-    return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def fill_vector(part: Any, vector: NDArray[Any]) -> None:
@@ -139,8 +128,7 @@ class FlyingDrone(EmulatedDrone):
         topic = topics.ODOMETRY
         self._odometry_publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._odometry_message = Odometry()
-        self._odometry_message.header.frame_id = prefix + WORLD_FRAME
-        self._odometry_message.child_frame_id = prefix + BODY_LINK
+        self._frames = prefix + WORLD_FRAME, prefix + BODY_LINK
         self._published_ns = 0
         self._others = [
             (node.create_publisher(topic.type, topic.name, topic.offered), sensor)
@@ -197,11 +185,8 @@ class FlyingDrone(EmulatedDrone):
             if reading is not None and publisher.get_subscription_count():
                 publisher.publish(self._filled(Odometry(), *reading))
         if odometry is not None and self._wall_forces and self._flight.wall:
-            message = WrenchStamped(
-                header=base_header(stamp_ns, self._odometry_message.header.frame_id)
-            )
-            force = message.wrench.force
-            force.x, force.y, force.z = self._flight.wall.force.tolist()
+            message = WrenchStamped(header=base_header(stamp_ns, self._frames[0]))
+            fill_vector(message.wrench.force, self._flight.wall.force)
             self._wall_forces.publish(message)
         self.look()
         if odometry is not None:
@@ -262,9 +247,8 @@ class FlyingDrone(EmulatedDrone):
     def _filled(self, message: Odometry, stamp_ns: int, reading: OdometryReading) -> Odometry:
         position, attitude, velocity, rate = reading
         pose, twist = message.pose.pose, message.twist.twist
-        message.header.frame_id = self._odometry_message.header.frame_id
-        message.child_frame_id = self._odometry_message.child_frame_id
-        message.header.stamp = to_time(stamp_ns)
+        message.header = base_header(stamp_ns, self._frames[0])
+        message.child_frame_id = self._frames[1]
         fill_vector(pose.position, position)
         fill_quaternion(pose.orientation, attitude)
         fill_vector(twist.linear, velocity)

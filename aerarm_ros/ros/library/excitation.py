@@ -120,14 +120,8 @@ class PlannedExcitation:
     def _repr_html_(self) -> str:
         """Return an HTML table with the smallest margin to each limit, for a notebook."""
         rows = [
-            [
-                margin.limit,
-                margin.subject,
-                float(margin.reached),
-                float(margin.allowed),
-                margin.unit,
-            ]
-            for margin in self.result.report.worst_of_each()
+            [m.limit, m.subject, float(m.reached), float(m.allowed), m.unit]
+            for m in self.result.report.worst_of_each()
         ]
         return paragraph(self._headline()) + table(
             ['limit', 'closest', 'reached', 'allowed', 'unit'], rows

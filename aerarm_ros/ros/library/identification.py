@@ -39,11 +39,7 @@ from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import bullets, paragraph
-from aerarm_ros.ros.programs.identifier_bags import (
-    IdentifierBags,
-    bag_names,
-    repeated_bags,
-)
+from aerarm_ros.ros.programs.identifier_bags import IdentifierBags, bag_names, repeated_bags
 from aerarm_ros.ros.programs.identifier_run import RESULT_FILES, terminal_table, write_result
 
 
@@ -67,12 +63,7 @@ class IdentifiedModel:
         self._regressor = Regressor(robot)
 
     def torque(
-        self,
-        q: npt.ArrayLike,
-        dq: npt.ArrayLike,
-        ddq: npt.ArrayLike,
-        *,
-        is_motion: bool = False,
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, is_motion: bool = False
     ) -> Array:
         """Return the joint torque of the complete model, thesis (3.5): links, rotors, friction.
 
@@ -162,33 +153,9 @@ class IdentifiedArm:
         return dict(zip(names, self.estimate.theta.tolist(), strict=True))
 
     def torque(
-        self,
-        q: npt.ArrayLike,
-        dq: npt.ArrayLike,
-        ddq: npt.ArrayLike,
-        *,
-        is_motion: bool = False,
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, is_motion: bool = False
     ) -> Array:
-        """Return the joint torque of the complete model, thesis (3.5): links, rotors, friction.
-
-        Parameters
-        ----------
-        q, dq, ddq : (n,) or (M, n) array_like
-            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
-        is_motion : bool
-            Whether the rows are successive samples of one motion, in which friction may build up
-            after a reversal. By default each row has the friction of steady motion.
-
-        Returns
-        -------
-        (n,) or (M, n) ndarray
-            Torque of each joint [Nm].
-
-        Raises
-        ------
-        ValueError
-            If q, dq and ddq have different shapes, or another number of joints than the arm.
-        """
+        """Return the joint torque of the identified model, as `IdentifiedModel.torque` does."""
         model = IdentifiedModel(self.result.robot, self.estimate)
         return model.torque(q, dq, ddq, is_motion=is_motion)
 

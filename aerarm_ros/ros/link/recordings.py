@@ -381,7 +381,9 @@ class GroundRecordings:
         if question is not None:
             connection.set_value(QUESTIONS, question)
         if fetch.is_complete:
-            self._complete(fetch)
+            stored, size = fetch.stored, fetch.size
+            text = str(self._folder)
+            self._end({'state': COMPLETE, 'text': text, 'stored': stored, 'size': size})
         return True
 
     def take_report(self, content: bytes) -> None:
@@ -467,10 +469,6 @@ class GroundRecordings:
             self._fetch = Fetch(self._folder, number, report.get('files'), self._rate)
         except (OSError, ValueError) as error:
             self._fail(str(error))
-
-    def _complete(self, fetch: Fetch) -> None:
-        self._end({'state': COMPLETE, 'text': str(self._folder),
-                   'stored': fetch.stored, 'size': fetch.size})  # fmt: skip
 
     def _fail(self, text: str) -> None:
         self._end({'state': FAILED, 'text': text})

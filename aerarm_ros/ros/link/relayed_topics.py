@@ -51,13 +51,7 @@ class Window(NamedTuple):
 def window_of(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> Window:
     """Summarize samples of shape (n,), of which the last has the stamp `stamp_ns` [ns]."""
     rows = np.stack(samples)
-    return Window(
-        stamp_ns,
-        len(rows),
-        rows[-1],
-        rows.min(axis=0),
-        rows.max(axis=0),
-    )
+    return Window(stamp_ns, len(rows), rows[-1], rows.min(axis=0), rows.max(axis=0))
 
 
 def pack_window(window: Window) -> bytes:
@@ -93,12 +87,7 @@ def _rounded_up(distance: NDArray[np.float64]) -> NDArray[np.float16]:
     return half
 
 
-WINDOWED = (
-    topics.JOINT_STATES,
-    topics.JOINT_COMMAND,
-    topics.MOTOR_STATES,
-    topics.ROTOR_COMMAND,
-)
+WINDOWED = (topics.JOINT_STATES, topics.JOINT_COMMAND, topics.MOTOR_STATES, topics.ROTOR_COMMAND)
 """Topics of type JointState, of which the ground receives the newest sample and extremes."""
 VALUES = (
     topics.MOTOR_POWER,

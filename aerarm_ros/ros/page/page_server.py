@@ -168,9 +168,11 @@ Vector = tuple[float, float, float]
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 
 
-class CameraMoved(
-    msgspec.Struct, tag_field='type', tag='ViewerCameraMessage', forbid_unknown_fields=True
-):
+class PageMessage(msgspec.Struct, tag_field='type', forbid_unknown_fields=True):
+    """Message of a browser to the page's server."""
+
+
+class CameraMoved(PageMessage, tag='ViewerCameraMessage'):
     """Message of a browser: the user moved the camera to this pose."""
 
     wxyz: tuple[float, float, float, float]
@@ -190,9 +192,7 @@ class Change(msgspec.Struct, forbid_unknown_fields=True):
     value: bool | float | Text
 
 
-class ElementChanged(
-    msgspec.Struct, tag_field='type', tag='GuiUpdateMessage', forbid_unknown_fields=True
-):
+class ElementChanged(PageMessage, tag='GuiUpdateMessage'):
     """Message of a browser: the user changed the value of a page element.
 
     Without this check, a forged message could hide, rename or disable elements for all users.
@@ -202,12 +202,7 @@ class ElementChanged(
     updates: Change
 
 
-class TargetMoved(
-    msgspec.Struct,
-    tag_field='type',
-    tag='TransformControlsUpdateMessage',
-    forbid_unknown_fields=True,
-):
+class TargetMoved(PageMessage, tag='TransformControlsUpdateMessage'):
     """Message of a browser: the user dragged the target of the tool."""
 
     name: Text
@@ -216,24 +211,14 @@ class TargetMoved(
     owner: Text
 
 
-class TargetTaken(
-    msgspec.Struct,
-    tag_field='type',
-    tag='TransformControlsDragStartMessage',
-    forbid_unknown_fields=True,
-):
+class TargetTaken(PageMessage, tag='TransformControlsDragStartMessage'):
     """Message of a browser: the user grabbed the target of the tool."""
 
     name: Text
     owner: Text
 
 
-class TargetLeft(
-    msgspec.Struct,
-    tag_field='type',
-    tag='TransformControlsDragEndMessage',
-    forbid_unknown_fields=True,
-):
+class TargetLeft(PageMessage, tag='TransformControlsDragEndMessage'):
     """Message of a browser: the user released the target of the tool."""
 
     name: Text
@@ -362,10 +347,7 @@ class _Gate:
     ) -> Response | None:
         headers = request.headers
         refusal = self._guard.refusal(
-            request.path,
-            headers.get_all('Host'),
-            headers.get_all('Origin'),
-            'Upgrade' in headers,
+            request.path, headers.get_all('Host'), headers.get_all('Origin'), 'Upgrade' in headers
         )
         if refusal:
             self.refused(refusal)

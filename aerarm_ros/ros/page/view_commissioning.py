@@ -59,7 +59,7 @@ class PageCommissioning:
 
     @property
     def prompt(self) -> Prompt | None:
-        """Question that the user must answer now, or None."""
+        """Commissioning prompt that the user must answer now, or None."""
         return self._client.prompt if self.runs and self._client is not None else None
 
     @property

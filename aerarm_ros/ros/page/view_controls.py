@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import viser
@@ -225,11 +226,16 @@ class ViewControls:
         self._posture: Array | None = None
         self._tool = np.zeros(3)
         self._looked = -np.inf
-        gui = server.gui
+        self._gui = gui = server.gui
+        self._shown: list[tuple[ChildProgram, Any, Any, str, str]] = []
         with gui.add_folder('Control'):
             self._controller = gui.add_dropdown('controller', controllers())
-            self._control_button = gui.add_button('Start controller')
-            self._control_words = gui.add_html('')
+            self._add_program(
+                programs.controller,
+                lambda: programs.control(self._controller.value, self._speed_share()),
+                'Start controller',
+                'Stop controller: the bridge holds the arm',
+            )
         with gui.add_folder('Move by sliders', expand_by_default=False):
             self._share = gui.add_slider('speed limit', 0.05, 1.0, 0.05, 0.25)
             self._sliders = [
@@ -243,16 +249,22 @@ class ViewControls:
             self._has_target = gui.add_checkbox('move the tool by dragging a target', False)
         with gui.add_folder('Record a bag', expand_by_default=False):
             self._bag = gui.add_text('name of the bag', 'my_bag')
-            self._record_button = gui.add_button('Start recording')
-            self._record_words = gui.add_html('')
+            self._add_program(
+                programs.recorder,
+                lambda: programs.record(self._bag.value),
+                'Start recording',
+                'Stop recording',
+            )
         with gui.add_folder('Play a motion', expand_by_default=False):
             self._file = gui.add_dropdown('motion', programs.trajectories())
-            self._play_button = gui.add_button('Play')
-            self._play_words = gui.add_html('')
+            self._add_program(
+                programs.player, lambda: programs.play(self._file.value), 'Play', 'Stop the motion'
+            )
         self._target = server.scene.add_transform_controls(
             f'{ARM_BASE}/tool_target', _TARGET_SCALE, disable_rotations=True, visible=False
         )
-        self._connect()
+        self._has_target.on_update(lambda _: self._show_target())
+        self._target.on_update(lambda _: self._aim())
 
     def show(self, now: float, posture: Array | None, tool: Array) -> None:
         """Show whether each program is running, and the last line of its output.
@@ -271,29 +283,7 @@ class ViewControls:
             self._take_posture()
         self._posture = posture if posture is not None else self._posture
         self._tool = tool
-        for program, button, words, start, stop in (
-            (
-                self._programs.controller,
-                self._control_button,
-                self._control_words,
-                'Start controller',
-                'Stop controller: the bridge holds the arm',
-            ),
-            (
-                self._programs.recorder,
-                self._record_button,
-                self._record_words,
-                'Start recording',
-                'Stop recording',
-            ),
-            (
-                self._programs.player,
-                self._play_button,
-                self._play_words,
-                'Play',
-                'Stop the motion',
-            ),
-        ):
+        for program, button, words, start, stop in self._shown:
             button.label = stop if program.runs else start
             button.disabled = program.is_ending
             words.content = indented(program.last_output())
@@ -303,22 +293,13 @@ class ViewControls:
             if tuple(self._file.options) != files:
                 self._file.options = files
 
-    def _connect(self) -> None:
-        programs = self._programs
-        self._control_button.on_click(
-            lambda _: self._toggle(
-                programs.controller,
-                lambda: programs.control(self._controller.value, self._speed_share()),
-            )
-        )
-        self._record_button.on_click(
-            lambda _: self._toggle(programs.recorder, lambda: programs.record(self._bag.value))
-        )
-        self._play_button.on_click(
-            lambda _: self._toggle(programs.player, lambda: programs.play(self._file.value))
-        )
-        self._has_target.on_update(lambda _: self._show_target())
-        self._target.on_update(lambda _: self._aim())
+    def _add_program(
+        self, program: ChildProgram, act: Callable[[], object], start: str, stop: str
+    ) -> None:
+        """Add a button that starts and stops a program, and a line for the program's output."""
+        button = self._gui.add_button(start)
+        button.on_click(lambda _: self._toggle(program, act))
+        self._shown.append((program, button, self._gui.add_html(''), start, stop))
 
     def _toggle(self, program: ChildProgram, start: Callable[[], object]) -> None:
         if program.runs:

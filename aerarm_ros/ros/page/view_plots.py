@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import pinocchio as pin
 import viser
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
@@ -95,9 +96,9 @@ class WindowReader:
         self._decoders = [JointStateDecoder() for _ in _SIDES]
 
     def take(self) -> Array | None:
-        """Return the extremes (2, 3, n) of position, velocity and effort since the last call.
+        """Return minimum and maximum of position, velocity and effort since the last call.
 
-        The first row is the minimum, the second the maximum; both are NaN where a window has NaN.
+        The shape is (2, 3, n). Both are NaN where a window has NaN.
         Return None if no window was received, as on the host of the bridge.
         """
         sides = []
@@ -165,9 +166,8 @@ class ViewFeed:
         self._powers = RawReader(node, topics.MOTOR_POWER)
         self._power_cdr = Float64ArrayCdr(n)
         self._row = np.full((len(ROWS), n), np.nan)
-        self._received_at = np.full(
-            4, -np.inf
-        )  # reception times of states, commands, motors, powers
+        # Reception times of states, commands, motors and powers.
+        self._received_at = np.full(4, -np.inf)
         self._odometry: Odometry | None = None
         if has_base:
             topic = topics.ODOMETRY
@@ -251,22 +251,11 @@ class ViewFeed:
         if np.all(np.isfinite([*place, *turn])) and np.any(turn):
             turn /= np.linalg.norm(turn)
             self.pose = place, turn
-            self.base.add(now, np.concatenate([place, _angles(turn)]))
+            angles = pin.rpy.matrixToRpy(pin.Quaternion(*turn.tolist()).matrix())
+            self.base.add(now, np.concatenate([place, angles]))
 
     def _on_odometry(self, message: Odometry) -> None:
         self._odometry = message
-
-
-def _angles(wxyz: Array) -> Array:
-    """Return roll, pitch and yaw [rad] of a unit quaternion."""
-    w, x, y, z = wxyz
-    return np.array(
-        [
-            np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-            np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0)),
-            np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-        ]
-    )
 
 
 _STROKES = ('#e8590c', '#1971c2', '#2f9e44', '#9c36b5', '#e03131', '#0c8599', '#f08c00')

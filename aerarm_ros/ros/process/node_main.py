@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import shutil
 import sys
 import textwrap
@@ -29,6 +28,7 @@ from aerarm_ros.ros.process.process_end import (
     USER_ERROR,
     ExitLimit,
     StopSignals,
+    print_answer,
     print_error,
     print_notice,
 )
@@ -42,7 +42,6 @@ from aerarm_ros.ros.process.ros_arguments import (
     complete,
 )
 
-_HELP = ('-h', '--help')
 # Parameters that every node of rclpy has.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service')
 # Smallest similarity of a misspelt name to a known one; node names must be more similar.
@@ -66,10 +65,6 @@ class CommandLine:
         self.name = name
         self._parameters = {parameter.name: parameter for parameter in parameters}
         self._description = cleandoc(description or '')
-
-    def asks_help(self, arguments: RosArguments) -> bool:
-        """Return whether one of the arguments is -h or --help."""
-        return any(argument in _HELP for argument in arguments.plain)
 
     def help(self) -> str:
         """Return the text for --help, wrapped to the width of the terminal."""
@@ -317,22 +312,14 @@ def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) ->
     command_line.complete()
     try:
         arguments = RosArguments(sys.argv[1:] if args is None else args)
-        if command_line.asks_help(arguments):
-            _print_help(command_line.help())
+        if set(arguments.plain) & {'-h', '--help'}:
+            print_answer(command_line.help())
             return 0
         for warning in command_line.check(arguments):
             print(f'{name}: warning: {warning}', file=sys.stderr, flush=True)
     except UsageError as error:
         return _report(name, error, USER_ERROR)
     return None
-
-
-def _print_help(text: str) -> None:
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:  # the reading process, such as head, has ended
-        # Python flushes once more at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _report(name: str, error: Exception, status: int = 1) -> int:

@@ -48,11 +48,6 @@ def print_answer(answer: str) -> None:
     _print(answer, sys.stdout)
 
 
-def print_account(name: str, account: str) -> None:
-    """Print an executable's final summary, without failing if standard output is closed."""
-    _print(f'{name}: {account}', sys.stdout)
-
-
 def _print(text: str, stream: TextIO) -> None:
     try:
         print(text, file=stream, flush=True)
@@ -148,19 +143,8 @@ _REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT)
 _ENDING: tuple[int, ...] = tuple(
     signal.Signals[name]
     for name in (
-        'SIGHUP',
-        'SIGABRT',
-        'SIGALRM',
-        'SIGVTALRM',
-        'SIGPROF',
-        'SIGUSR1',
-        'SIGUSR2',
-        'SIGXCPU',
-        'SIGIO',
-        'SIGPWR',
-        'SIGSTKFLT',
-        'SIGSYS',
-        'SIGTRAP',
+        *('SIGHUP', 'SIGABRT', 'SIGALRM', 'SIGVTALRM', 'SIGPROF', 'SIGUSR1', 'SIGUSR2'),
+        *('SIGXCPU', 'SIGIO', 'SIGPWR', 'SIGSTKFLT', 'SIGSYS', 'SIGTRAP'),
     )
     if name in signal.Signals.__members__  # systems other than Linux lack some of them
 )

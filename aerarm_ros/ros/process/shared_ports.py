@@ -61,7 +61,7 @@ def shorten_wait(path: Path) -> bool:
 
 
 class PortWatch:
-    """Context in which a thread shortens the wait time in each Fast DDS port of this host.
+    """Context in which a thread prevents long waits of Fast DDS at new ports of this host.
 
     Without inotify, that is on other systems than Linux, the context does nothing.
 

@@ -88,7 +88,7 @@ class CommissioningClient:
 
     @property
     def prompt(self) -> Prompt | None:
-        """Question that the user must answer now, or None."""
+        """Commissioning prompt that the user must answer now, or None."""
         return None if self.guided is None else self.guided.prompt
 
     @property
@@ -165,7 +165,8 @@ class CommissioningClient:
         now = time.monotonic()
         if now - self._sent >= _PERIOD:
             self._sent = now
-            self._send(self.guided.request if self.guided else self._watch())
+            watch = ProbeRequest(f'{self._name}:begin', WATCH)
+            self._send(self.guided.request if self.guided else watch)
         guided, report = self.guided, self.report
         if guided is None or report is None:
             return
@@ -200,9 +201,6 @@ class CommissioningClient:
                 '--record'
             )
         return record
-
-    def _watch(self) -> ProbeRequest:
-        return ProbeRequest(f'{self._name}:begin', WATCH)
 
     def _send(self, request: ProbeRequest) -> None:
         self._publisher.publish(String(data=request.text()))
@@ -248,7 +246,11 @@ class EmulatedPerson:
             return
         if prompt is not self._prompt:
             self._prompt, self._still = prompt, 0
-            self._future = None if prompt.hand is None else self._turn(*prompt.hand)
+            self._future = None
+            if prompt.hand is not None:
+                name, angle = prompt.hand
+                hand = Parameter('hand', value=f'{name}:{angle:.6f}')
+                self._future = self._parameters.set_parameters([hand])
         if self._future is not None:
             if not self._future.done():
                 return
@@ -258,10 +260,6 @@ class EmulatedPerson:
             if not self._rests(report):
                 return
         self._client.guided.answer(True)
-
-    def _turn(self, name: str, angle: float) -> Future:
-        hand = Parameter('hand', value=f'{name}:{angle:.6f}')
-        return self._parameters.set_parameters([hand])
 
     def _rests(self, report: ProbeReport | None) -> bool:
         """Return whether the motors have not moved during the last ten reports."""

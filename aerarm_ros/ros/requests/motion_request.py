@@ -83,10 +83,10 @@ class RejectionWatch:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._counts: dict[str, tuple[int, str]] = {}
-        self._before: dict[str, tuple[int, str]] = {}
-        self._touches: dict[str, tuple[int, str]] = {}
-        self._touches_before: dict[str, tuple[int, str]] = {}
+        # Number and newest text of rejections and contacts, by controller; now and at `begin`.
+        self._rejected: dict[str, tuple[int, str]] = {}
+        self._touched: dict[str, tuple[int, str]] = {}
+        self._before: tuple[dict[str, tuple[int, str]], ...] = ({}, {})
         self._modes: dict[str, str] = {}  # the arm's mode that each controller reports
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
@@ -102,19 +102,18 @@ class RejectionWatch:
         """
         if spin_until(self._node, lambda: self._modes, _REPORT):
             spin_until(self._node, lambda: any(self._modes.values()), timeout)
-        self._before = dict(self._counts)
-        self._touches_before = dict(self._touches)
+        self._before = dict(self._rejected), dict(self._touched)
 
     def reason(self) -> str:
         """Return why a controller has rejected an input since `begin`; empty if none has."""
-        before = self._before
-        later = self._counts.items()
+        before, _ = self._before
+        later = self._rejected.items()
         return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
 
     def touch(self) -> str:
         """Return how a contact has ended a motion since `begin`; empty if none has."""
-        before = self._touches_before
-        later = self._touches.items()
+        _, before = self._before
+        later = self._touched.items()
         return next((how for name, (n, how) in later if n > before.get(name, (0, ''))[0]), '')
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -122,9 +121,9 @@ class RejectionWatch:
             values = {pair.key: pair.value for pair in status.values}
             if _REACTIONS in values:
                 how = values.get('last motion', '')
-                self._touches[status.name] = int(values[_REACTIONS]), how
+                self._touched[status.name] = int(values[_REACTIONS]), how
             if _COUNT in values:
-                self._counts[status.name] = int(values[_COUNT]), values[_REASON]
+                self._rejected[status.name] = int(values[_COUNT]), values[_REASON]
             if _MODE in values:
                 self._modes[status.name] = values[_MODE]
 
@@ -289,7 +288,7 @@ class SetPointRequest(_MotionRequest):
         """Return whether a controller has subscribed and all subscribers are connected."""
         listeners = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
         names = [endpoint_name(listener) for listener in listeners]
-        if not all(names) or all(name.rpartition('/')[2] == _LISTENER for name in names):
+        if not all(names) or not self._controllers():
             return False
         return bool(self._publisher.get_subscription_count() >= len(listeners))
 

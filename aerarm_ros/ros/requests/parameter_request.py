@@ -116,7 +116,9 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
     except TypeError:
         value = None
     if value is None:
-        raise ArmClientError(f'{text!r} is not a valid value: use 0.5, true or [1.0, 2.0]')
+        raise ArmClientError(
+            f'{text!r} is not a valid value: use a form such as 0.5, true or [1.0, 2.0]'
+        )
     return value
 
 

@@ -1,15 +1,16 @@
 import rclpy
 from rclpy.node import Node
+from std_msgs.msg import String
 
 from aerarm_msgs_py.topics import ROBOT_DESCRIPTION
-from aerarm_ros.ros.bridge.hardware_bridge import RobotDescription
 
 
 def test_late_subscribers_receive_the_urdf(ros_node: Node) -> None:
-    RobotDescription(ros_node, '<robot name="arm"/>')
+    topic = ROBOT_DESCRIPTION
+    publisher = ros_node.create_publisher(topic.type, topic.name, topic.offered)
+    publisher.publish(String(data='<robot name="arm"/>'))
     received: list[str] = []
     late = rclpy.create_node('late')
-    topic = ROBOT_DESCRIPTION
     late.create_subscription(
         topic.type, topic.name, lambda message: received.append(message.data), topic.qos
     )
