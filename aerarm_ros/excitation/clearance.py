@@ -97,7 +97,7 @@ def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
 
 
 def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
-    """Return upper bounds of the change of distance per joint angle, (pairs, n), for pairs of bodies.
+    """Return upper bounds of the distance change per joint angle for pairs of bodies, (pairs, n).
 
     The distance of two bodies changes by at most the relative motion of their points. A rotation
     of joint j by one radian moves a point of a body by at most the point's distance from the

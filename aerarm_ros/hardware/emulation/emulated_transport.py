@@ -64,7 +64,7 @@ class AnswerWatch:
         self._lag = min(4 * self._lag + 1, _LAG_MAX)
 
     def forget(self) -> None:
-        """Discard all answers and reset the tolerated lag, after the last controller has stopped."""
+        """Discard all answers and reset the tolerated lag after the last controller has stopped."""
         self._expects = False
         self._lag = self._first_lag
 
