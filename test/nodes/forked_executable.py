@@ -77,6 +77,7 @@ class ForkedProcess:
         cwd: Path | None = None,
     ) -> None:
         self.returncode: int | None = None
+        self._polling = threading.Lock()
         self.pid = _ask(
             module=module,
             arguments=list(arguments),
@@ -86,9 +87,10 @@ class ForkedProcess:
         )
 
     def poll(self) -> int | None:
-        if self.returncode is None:
-            self.returncode = _ask(pid=self.pid)
-        return self.returncode
+        with self._polling:
+            if self.returncode is None:
+                self.returncode = _ask(pid=self.pid)
+            return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
         deadline = None if timeout is None else time.monotonic() + timeout

@@ -88,9 +88,8 @@ def fresh_identifier(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
-def write_bags(folder: Path, robot: Robot) -> Path:
-    """Write an identification and a validation bag into a directory, and return the directory."""
+def write_bags(folder: Path, robot: Robot) -> None:
+    """Write an identification and a validation bag into a directory."""
     for seed, name in ((1, 'identification'), (2, 'validation')):
         stamp, q, dq, ddq = motion(seed)
         write_bag(folder / name, stamp, (q, dq, measured(robot, q, dq, ddq)), desired=dq)
-    return folder

@@ -137,8 +137,8 @@ def test_from_the_ride_of_an_emulated_arm_to_a_bridge_with_its_offsets(
         enabled = run('arm', 'enable', '--timeout', '200', '--wait-before', 'idle',
                       '--wait', 'ready', 'running')  # fmt: skip
         assert enabled.returncode == 0, enabled.stderr
-        ride = run('arm', 'calibrate', '--postures', '8', '--rest', '0.7', '--timeout', '200',
-                   '--out', str(bag))  # fmt: skip
+        ride = run('arm', 'calibrate', '--postures', '8', '--rest', '0.7', '--span', '0.4',
+                   '--timeout', '200', '--out', str(bag))  # fmt: skip
         assert ride.returncode == 0, ride.stderr + ride.stdout
     bridge.stop()
     assert 'sensors: /mocap/marker1, /mocap/marker2' in ride.stderr

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -16,7 +17,6 @@ from identifier_process import (
     measured,
     motion,
     write_bag,
-    write_bags,
 )
 
 from aerarm_ros.description.robot import Robot, load_robot
@@ -27,26 +27,21 @@ FILES += ['summary.json']
 
 
 @pytest.fixture(scope='module')
-def robot() -> Robot:
-    return load_robot()
-
-
-@pytest.fixture(scope='module')
-def bags(tmp_path_factory: pytest.TempPathFactory, robot: Robot) -> Path:
-    """A folder with an identification and a validation bag."""
-    return write_bags(tmp_path_factory.mktemp('bags'), robot)
-
-
-@pytest.fixture(scope='module')
-def run(bags: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+def run(bags: Path, made_once: Callable[[str, Callable[[Path], None]], Path]) -> tuple[str, Path]:
     """Standard output and result folder of a good run, started as a launch file does."""
-    out = tmp_path_factory.mktemp('run') / 'result'
-    done = identifier(
-        *('--bag', bags / 'identification', '--validation', bags / 'validation', '--out', out),
-        *('--config', '', '--urdf', '', '--ros-args', '-r', '__node:=identifier'),
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout, out
+
+    def fill(folder: Path) -> None:
+        out = folder / 'run' / 'result'
+        out.parent.mkdir()
+        done = identifier(
+            *('--bag', bags / 'identification', '--validation', bags / 'validation', '--out', out),
+            *('--config', '', '--urdf', '', '--ros-args', '-r', '__node:=identifier'),
+        )
+        assert done.returncode == 0, done.stderr
+        (folder / 'printed').write_text(done.stdout)
+
+    folder = made_once('identifier_run', fill)
+    return (folder / 'printed').read_text(), folder / 'run' / 'result'
 
 
 def test_all_files_are_there(run: tuple[str, Path]) -> None:

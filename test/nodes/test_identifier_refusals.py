@@ -8,20 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from identifier_process import JOINTS, identifier, measured, motion, write_bag, write_bags
+from identifier_process import JOINTS, identifier, measured, motion, write_bag
 
-from aerarm_ros.description.robot import Robot, load_robot
-
-
-@pytest.fixture(scope='module')
-def robot() -> Robot:
-    return load_robot()
-
-
-@pytest.fixture(scope='module')
-def bags(tmp_path_factory: pytest.TempPathFactory, robot: Robot) -> Path:
-    """A folder with an identification and a validation bag."""
-    return write_bags(tmp_path_factory.mktemp('bags'), robot)
+from aerarm_ros.description.robot import Robot
 
 
 def faulty_bag(kind: str, folder: Path, robot: Robot) -> Path:
