@@ -179,6 +179,6 @@ setup(
     ext_modules=compiled(),
     cmdclass={'build_ext': BuildMachineCode, 'install_lib': InstallPackages},
     entry_points={
-        'console_scripts': [f'{name} = {PACKAGE}.executables:{name}' for name in EXECUTABLES],
+        'console_scripts': [f'{name} = {PACKAGE}.executables:{name}' for name in EXECUTABLES]
     },
 )

@@ -73,10 +73,7 @@ def _keep_last(
     depth: int, reliability: ReliabilityPolicy, durability: DurabilityPolicy
 ) -> QoSProfile:
     return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=reliability,
-        durability=durability,
+        history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=reliability, durability=durability
     )
 
 

@@ -128,10 +128,7 @@ class JointStateBuilder:
     """
 
     def __init__(
-        self,
-        most: int | None = None,
-        thinned: int | None = None,
-        budget: ReadBudget | None = None,
+        self, most: int | None = None, thinned: int | None = None, budget: ReadBudget | None = None
     ) -> None:
         self.left_out = 0
         self._most = most

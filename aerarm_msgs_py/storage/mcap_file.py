@@ -315,11 +315,7 @@ class McapFile:
             )
 
     def _block(
-        self,
-        topic: str,
-        records: bytes,
-        headers: NDArray[np.void],
-        starts: NDArray[np.int64],
+        self, topic: str, records: bytes, headers: NDArray[np.void], starts: NDArray[np.int64]
     ) -> Iterator[MessageBlock]:
         payload_sizes = headers['length'].astype(np.int64) + RECORD.size - MESSAGE_HEADER.itemsize
         block = MessageBlock(

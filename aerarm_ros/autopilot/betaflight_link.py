@@ -101,10 +101,7 @@ class BetaflightLink:
     """
 
     def __init__(
-        self,
-        motor_port: int = MOTOR_PORT,
-        state_port: int = STATE_PORT,
-        rc_port: int = RC_PORT,
+        self, motor_port: int = MOTOR_PORT, state_port: int = STATE_PORT, rc_port: int = RC_PORT
     ) -> None:
         self._state_port, self._rc_port = state_port, rc_port
         self._sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

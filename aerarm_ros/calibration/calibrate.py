@@ -28,12 +28,7 @@ from aerarm_ros.calibration.choice import (
 )
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry, Tolerance
-from aerarm_ros.calibration.observations import (
-    CalibrationError,
-    MarkerSource,
-    Mask,
-    Observations,
-)
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Mask, Observations
 
 # joint motion [rad], [m] by which a posture may lie outside the range of the fitted postures
 _RANGE_MARGIN = 0.05

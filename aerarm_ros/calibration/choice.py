@@ -25,11 +25,7 @@ _STILL = 0.3  # [rad] range over all postures below which a joint hardly moves
 _GAIN = 0.5  # standard errors by which a larger model must predict better
 _LEAST_GAIN = 0.015  # fraction by which the prediction errors of a larger model must be smaller
 
-LEVELS = {
-    'frames': (),
-    'offsets': ('offset',),
-    'geometry': ('offset', *LINK_GEOMETRY),
-}
+LEVELS = {'frames': (), 'offsets': ('offset',), 'geometry': ('offset', *LINK_GEOMETRY)}
 """Kinds of geometric errors at each level of a calibration."""
 
 

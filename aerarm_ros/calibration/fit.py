@@ -248,10 +248,7 @@ def _with_noise(fit: Fit) -> Fit:
     left = max(number - len(fit.names), 1)
     correction = np.sqrt(number / left)
     found = []
-    for unit, least, known in (
-        ('m', _LEAST_LENGTH, fit.length),
-        ('rad', _LEAST_ANGLE, fit.angle),
-    ):
+    for unit, least, known in (('m', _LEAST_LENGTH, fit.length), ('rad', _LEAST_ANGLE, fit.angle)):
         if not any(map(len, noise[unit])):
             found.append(known)
             continue

@@ -304,10 +304,7 @@ def _weighted_step(
     of_turn = -cross_matrix(expected)
     alike = 2.0 * np.sqrt(np.pi) * _SMOOTH * _RATE
     info, gradient = np.zeros((12, 12)), np.zeros(12)
-    for residual, matrix, places in (
-        (force, columns, slice(0, 12)),
-        (rates, of_turn, slice(0, 3)),
-    ):
+    for residual, matrix, places in ((force, columns, slice(0, 12)), (rates, of_turn, slice(0, 3))):
         noise = float(np.var(residual - residual.mean(axis=0))) * alike
         info[places, places] += np.einsum('mki,mkj->ij', matrix, matrix) / noise
         gradient[places] += np.einsum('mki,mk->i', matrix, residual) / noise

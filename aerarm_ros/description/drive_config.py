@@ -5,12 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from aerarm_ros.description.config_reader import (
-    ConfigError,
-    check_choice,
-    check_name,
-    check_range,
-)
+from aerarm_ros.description.config_reader import ConfigError, check_choice, check_name, check_range
 
 
 @dataclass(frozen=True, slots=True)

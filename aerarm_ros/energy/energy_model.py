@@ -221,13 +221,7 @@ class EnergyModel:
         return self.split(dt, dq, tau, rigid - weight, weight, friction)
 
     def split(
-        self,
-        dt: float,
-        dq: Array,
-        tau: Array,
-        inertia: Array,
-        weight: Array,
-        friction: Array,
+        self, dt: float, dq: Array, tau: Array, inertia: Array, weight: Array, friction: Array
     ) -> EnergyBalance:
         """Return the energy balance of M time intervals, from the components of the joint torques.
 

@@ -91,10 +91,7 @@ class TrajectoryFile:
             }
             for i, name in enumerate(self.joint_names)
         }
-        document: dict[str, Any] = {
-            'format': FORMAT,
-            'fundamental_frequency': float(series.f0),
-        }
+        document: dict[str, Any] = {'format': FORMAT, 'fundamental_frequency': float(series.f0)}
         if self.periods is not None:
             document['periods'] = self.periods
         document |= {'joints': joints, 'made_with': dict(self.made_with)}

@@ -105,12 +105,7 @@ class LimitMargin:
 
 
 def peak_margins(
-    limit: str,
-    unit: str,
-    names: Sequence[str],
-    times: Array,
-    values: Array,
-    allowed: Array,
+    limit: str, unit: str, names: Sequence[str], times: Array, values: Array, allowed: Array
 ) -> list[LimitMargin]:
     """Return the margin of each joint at its largest absolute value; infinite limits are omitted.
 

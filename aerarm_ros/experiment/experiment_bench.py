@@ -31,15 +31,7 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport, mou
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import ArmState, Array, JointReference
-from aerarm_ros.pages.html_text import (
-    Html,
-    origin,
-    page,
-    paragraph,
-    section,
-    table,
-    text_table,
-)
+from aerarm_ros.pages.html_text import Html, origin, page, paragraph, section, table, text_table
 from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 from aerarm_ros.parallel import run_in_order
 from aerarm_ros.simulation.arm_plant import PlantParameters

@@ -259,11 +259,7 @@ class FlightControl:
             self._disturbance.reset()
 
     def update(
-        self,
-        state: FlightState,
-        target: FlightTarget,
-        dt: float,
-        arm: FeedForward | None = None,
+        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
         """Return the rotors' thrusts (n,) [N] for flight to the target; `dt` [s] is one step."""
         arm = self._at_rest if arm is None else arm

@@ -20,10 +20,7 @@ from aerarm_ros.identification.assessment import (
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.identification_result import (
-    IdentificationResult,
-    Solution,
-)
+from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.input_errors import (
     bound_warnings,
     coupling_warnings,

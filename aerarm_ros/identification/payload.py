@@ -185,10 +185,7 @@ def weigh_payload(
 
 
 def _known(
-    robot: Robot,
-    estimate: Estimate,
-    recordings: Sequence[Recording],
-    options: ConditioningOptions,
+    robot: Robot, estimate: Estimate, recordings: Sequence[Recording], options: ConditioningOptions
 ) -> tuple[_Arm, Sequence[SampleColumns], Sequence[Noise | None]]:
     """Return an arm model that is assumed exact, the filtered bags, and the noise of each fit."""
     conditioner = Conditioner(recordings, options)
@@ -200,10 +197,7 @@ def _known(
 
 
 def _weigh(
-    arm: _Arm,
-    bags: Sequence[SampleColumns],
-    noises: Sequence[Noise | None],
-    gain_deviation: float,
+    arm: _Arm, bags: Sequence[SampleColumns], noises: Sequence[Noise | None], gain_deviation: float
 ) -> Payload:
     """Return the payload; for `noises` see `_fitted`."""
     carried, residual, prior = _fitted(arm, bags, noises)

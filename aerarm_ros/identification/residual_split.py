@@ -22,11 +22,7 @@ from scipy.interpolate import CubicSpline
 
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.spectral_filter import SETTLING_PERIODS, SpectralFilter
-from aerarm_ros.identification.conditioning.uniform_motion import (
-    FOLDS,
-    KinematicsFilter,
-    Samples,
-)
+from aerarm_ros.identification.conditioning.uniform_motion import FOLDS, KinematicsFilter, Samples
 from aerarm_ros.identification.model_choice.model_choice import DISTANCES
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.regression.regression import SampleColumns

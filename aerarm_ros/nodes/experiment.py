@@ -147,11 +147,7 @@ def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> Ram
     settings = load_excitation_config()
     setup = ExcitationSetup.of_arm(robot, config, settings)
     candidates = RandomTrajectory(
-        settings.bias_of(robot),
-        settings.bias_spread,
-        options.amplitude,
-        FUNDAMENTAL,
-        HARMONICS,
+        settings.bias_of(robot), settings.bias_spread, options.amplitude, FUNDAMENTAL, HARMONICS
     )
     trajectory, _ = candidates.draw_feasible(options.seed, setup.checker, settings.ramp_time)
     return RampedExcitation(trajectory, 1, settings.ramp_time)

@@ -49,12 +49,7 @@ _STEP_MAX = 0.05  # [s] longest interval over which an integral grows in one ste
 _LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, bounds of a trajectory's start
 _REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 
-PARAMETERS = ParameterTable(
-    *ARM_FILES,
-    DRONE_FILE,
-    *FLIGHT_PARAMETERS,
-    *REAL_TIME_PARAMETERS,
-)
+PARAMETERS = ParameterTable(*ARM_FILES, DRONE_FILE, *FLIGHT_PARAMETERS, *REAL_TIME_PARAMETERS)
 
 
 class FlightControlNode:

@@ -28,10 +28,7 @@ from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'mavros_feedforward'
 PARAMETERS = set_point_parameters(
-    'setpoint_raw/local',
-    '/mavros/setpoint_raw/local',
-    '/mavros/imu/data',
-    *FIRMWARE_PARAMETERS,
+    'setpoint_raw/local', '/mavros/setpoint_raw/local', '/mavros/imu/data', *FIRMWARE_PARAMETERS
 )
 
 # Frames of mavros_msgs/PositionTarget, and bits of type_mask in the order x, y, z.

@@ -15,13 +15,7 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS
 from aerarm_msgs_py.storage.read_limits import BagError
-from aerarm_msgs_py.topics import (
-    DIAGNOSTICS,
-    JOINT_STATES,
-    NEWEST,
-    RECORDED_UNTIL,
-    RECORDER_STATUS,
-)
+from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, NEWEST, RECORDED_UNTIL, RECORDER_STATUS
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.graph import DuplicatePublisherCheck, PublisherCheck

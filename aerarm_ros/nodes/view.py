@@ -227,9 +227,7 @@ class View:
         self._commissioning_folder.show(now)
         self._controls.show(now, feed.posture, self._scene.tool)
         self._panel.show_diagnostics(
-            diagnostics.motors_html(now),
-            diagnostics.timing_html(now),
-            diagnostics.status_html(now),
+            diagnostics.motors_html(now), diagnostics.timing_html(now), diagnostics.status_html(now)
         )
 
     def _on_mode(self, message: String) -> None:

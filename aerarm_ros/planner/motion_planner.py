@@ -127,12 +127,7 @@ class ToolPostures:
         )
 
     def _settled(
-        self,
-        place: Array,
-        seed: Array,
-        start: Array,
-        low: Array,
-        high: Array,
+        self, place: Array, seed: Array, start: Array, low: Array, high: Array
     ) -> Array | None:
         """Return the posture found from `seed`; None if the tool misses its target."""
         q, error = np.array(seed), np.inf
@@ -276,10 +271,7 @@ class MotionPlanner:
                 break
         if not plans and reason is not None:
             raise reason
-        return min(
-            plans,
-            key=lambda plan: plan.balance.motors.sum() + postures.holding(plan.goal),
-        )
+        return min(plans, key=lambda plan: plan.balance.motors.sum() + postures.holding(plan.goal))
 
     def plan(self, start: ArrayLike, goal: ArrayLike) -> MotionPlan:
         """Return a motion between two postures (n,) [rad].

@@ -89,11 +89,7 @@ class SplineBasis:
 
 
 def _scaled(
-    parts: tuple[Array, Array, Array],
-    points: Array,
-    start: Array,
-    end: Array,
-    duration: float,
+    parts: tuple[Array, Array, Array], points: Array, start: Array, end: Array, duration: float
 ) -> Array:
     """Return position, velocity and acceleration (3, M, n) of the motion over time."""
     first, matrices, last = parts

@@ -45,10 +45,7 @@ class BacklashPlant(ArmPlant):
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        parameters: PlantParameters,
-        position: ArrayLike | None = None,
+        self, robot: Robot, parameters: PlantParameters, position: ArrayLike | None = None
     ) -> None:
         self._play = np.array(parameters.backlash, dtype=float)
         if self._play.shape != (robot.n,) or not (self._play > 0.0).all():

@@ -240,11 +240,7 @@ class MovingBasePlant(FreeBasePlant):
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        parameters: PlantParameters,
-        position: ArrayLike,
-        profile: BaseProfile,
+        self, robot: Robot, parameters: PlantParameters, position: ArrayLike, profile: BaseProfile
     ) -> None:
         self._profile = profile
         self._start_count: int | None = None

@@ -14,12 +14,7 @@ from aerarm_ros.simulation.base_profile import BaseState
 from aerarm_ros.simulation.made_geometry import rotation_about
 
 # Positions of markers on a plate at the wrist, [m] in the frame of the last link.
-MARKERS = (
-    (0.10, 0.05, 0.04),
-    (0.10, -0.05, 0.04),
-    (0.02, 0.04, 0.055),
-    (0.16, 0.0, 0.045),
-)
+MARKERS = ((0.10, 0.05, 0.04), (0.10, -0.05, 0.04), (0.02, 0.04, 0.055), (0.16, 0.0, 0.045))
 _CAMERAS = 8  # of the motion capture, on a ring
 _RING = (3.0, 1.6)  # [m] radius and height
 _STEEP = 0.35  # cosine of the viewing angle below which a marker is hidden

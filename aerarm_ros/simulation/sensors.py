@@ -101,11 +101,7 @@ class RandomDrift:
     """
 
     def __init__(
-        self,
-        deviation: float,
-        correlation_time: float,
-        period: float,
-        random: np.random.Generator,
+        self, deviation: float, correlation_time: float, period: float, random: np.random.Generator
     ) -> None:
         self._decay = exp(-period / correlation_time)
         self._drive = deviation * sqrt(1.0 - self._decay**2)

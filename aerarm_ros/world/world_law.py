@@ -187,11 +187,7 @@ class WorldLaw:
         self.velocity = np.zeros(3)
 
     def update(
-        self,
-        state: ArmState,
-        reference: WorldReference,
-        dt: float,
-        base: BaseMotion | None = None,
+        self, state: ArmState, reference: WorldReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
         """Return the effort (n,) [Nm] for this cycle of `dt` [s]."""
         self._time += dt

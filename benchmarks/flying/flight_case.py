@@ -4,11 +4,7 @@ from dataclasses import dataclass, field, replace
 
 from aerarm_ros.description.drone_config import DroneConfig
 
-CHEAP = (
-    ('imu_noise', [0.3, 0.01]),
-    ('imu_bias', [0.2, 0.01]),
-    ('imu_attitude_error', 0.01),
-)
+CHEAP = (('imu_noise', [0.3, 0.01]), ('imu_bias', [0.2, 0.01]), ('imu_attitude_error', 0.01))
 LATE = (('imu_delay', 0.01),)
 
 

@@ -37,9 +37,7 @@ def write_page(
 
 
 def holding_page(
-    records: Mapping[str, HoldingRecord | str],
-    pushes: Mapping[str, PushingRecord | str],
-    note: str,
+    records: Mapping[str, HoldingRecord | str], pushes: Mapping[str, PushingRecord | str], note: str
 ) -> str:
     """Return the page as HTML; a failed flight is represented by its reason."""
     flown = {name: x for name, x in records.items() if isinstance(x, HoldingRecord)}

@@ -128,10 +128,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--arms', type=int, default=5, help='number of arms (default: 5)')
     parser.add_argument(
-        '--postures',
-        type=int,
-        default=40,
-        help='number of postures of a calibration (default: 40)',
+        '--postures', type=int, default=40, help='number of postures of a calibration (default: 40)'
     )
     options = parser.parse_args()
     surroundings = load_excitation_config()

@@ -53,10 +53,7 @@ RANDOM = 21
 IDENTIFIED_RANDOM = 5
 CHECKED = 1000
 STARTS = 8
-OTHER_ARMS = {
-    'ur10_robot.urdf': (),
-    'panda.urdf': ('panda_finger_joint1', 'panda_finger_joint2'),
-}
+OTHER_ARMS = {'ur10_robot.urdf': (), 'panda.urdf': ('panda_finger_joint1', 'panda_finger_joint2')}
 BEST_OF = 100
 TIME_LIMIT = 55.0  # [s], the default of excitation_designer
 # Goals for a designed trajectory.

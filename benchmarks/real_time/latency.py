@@ -183,10 +183,7 @@ def plain_controller(node: Node, cycles: int) -> dict[str, float]:
     return {'cpu': meter.share, **latency_of(latency)}
 
 
-ROLES = {
-    'raw bytes': (raw_bridge, raw_controller),
-    'plain rclpy': (plain_bridge, plain_controller),
-}
+ROLES = {'raw bytes': (raw_bridge, raw_controller), 'plain rclpy': (plain_bridge, plain_controller)}
 
 
 def spin(node: Node, going_on: Callable[[], bool]) -> None:

@@ -108,8 +108,7 @@ def test_other_messages_and_signed_frames_are_skipped_whole() -> None:
 
 
 @pytest.mark.parametrize(
-    ('values', 'reason'),
-    [({'no_such': 1}, 'no field no_such'), ({'type': 256}, 'HEARTBEAT')],
+    ('values', 'reason'), [({'no_such': 1}, 'no field no_such'), ({'type': 256}, 'HEARTBEAT')]
 )
 def test_a_value_that_does_not_fit_is_rejected(values: dict[str, int], reason: str) -> None:
     with pytest.raises(ValueError, match=reason):

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 from measured_arm import LINK, ROBOT, MeasuredArm, own_chain
 
-from aerarm_ros.calibration.calibrate import (
-    Calibration,
-    CalibrationOptions,
-    HeldOut,
-    calibrate,
-)
+from aerarm_ros.calibration.calibrate import Calibration, CalibrationOptions, HeldOut, calibrate
 from aerarm_ros.calibration.choice import LEVELS, identifiable
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ECCENTRICITY, ArmGeometry
@@ -63,9 +58,7 @@ def test_link_geometry_is_chosen_and_insignificant_errors_keep_their_urdf_values
     )
 
 
-def test_every_parameter_is_identified_or_reported_as_absorbed(
-    calibration: Calibration,
-) -> None:
+def test_every_parameter_is_identified_or_reported_as_absorbed(calibration: Calibration) -> None:
     found, geometry = calibration.found, calibration.fit.geometry
     names = [geometry.names[k] for k in found.absorbed]
     # A base frame and markers at unknown places hide the first and the last zero.

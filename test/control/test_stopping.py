@@ -2,13 +2,7 @@
 
 import numpy as np
 import pytest
-from stopping_campaign import (
-    CYCLE,
-    SHARES,
-    TRAVELS,
-    make_follower,
-    run_preemptions,
-)
+from stopping_campaign import CYCLE, SHARES, TRAVELS, make_follower, run_preemptions
 
 from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory

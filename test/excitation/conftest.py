@@ -11,10 +11,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.clearance import ClearanceChecker
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
 from aerarm_ros.excitation.feasibility import FeasibilityChecker
-from aerarm_ros.excitation.settings import (
-    ExcitationConfig,
-    load_excitation_config,
-)
+from aerarm_ros.excitation.settings import ExcitationConfig, load_excitation_config
 from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.excitation.trajectory_designer import (
     DesignResult,

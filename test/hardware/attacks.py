@@ -258,8 +258,7 @@ def limp(random: np.random.Generator) -> Source:
 
     def source(rig: AttackRig) -> Offer:
         return Offer(
-            velocity=np.where(driven, way * _speeds(rig), NAN),
-            effort=np.where(driven, NAN, 0.0),
+            velocity=np.where(driven, way * _speeds(rig), NAN), effort=np.where(driven, NAN, 0.0)
         )
 
     return source

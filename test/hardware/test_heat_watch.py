@@ -75,12 +75,7 @@ def test_a_stretched_arm_is_warned_reduced_stopped_and_lowered_before_its_board_
     assert not rig.bridge.clear_fault().accepted
     # Each step is news once, and the way back names what to wait for.
     news = [text for text in rig.bridge.heat.news if 'joint2' in text]
-    steps = (
-        'the motor of joint2',
-        'the torque of joint2',
-        'joint2 sinks',
-        'joint2 yields',
-    )
+    steps = ('the motor of joint2', 'the torque of joint2', 'joint2 sinks', 'joint2 yields')
     assert len(news) == len(steps)
     assert all(step in text for step, text in zip(steps, news, strict=True)), news
     assert 'wait until the motor of joint2 has cooled to 90 degC, ' in rig.bridge.recovery_hint(

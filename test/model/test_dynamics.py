@@ -183,11 +183,7 @@ def test_results_are_not_overwritten_by_the_next_call(arm: Robot) -> None:
 
 @pytest.mark.parametrize(
     ('rotor', 'message'),
-    [
-        ([0.1, 0.1], '2 rotor inertias for 4 joints'),
-        (-1.0, 'not negative'),
-        (np.nan, 'finite'),
-    ],
+    [([0.1, 0.1], '2 rotor inertias for 4 joints'), (-1.0, 'not negative'), (np.nan, 'finite')],
 )
 def test_a_wrong_rotor_inertia_is_refused(arm: Robot, rotor: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):

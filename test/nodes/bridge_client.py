@@ -26,9 +26,7 @@ SERVICES = ('enable', 'disable', 'clear_fault', 'home', 'e_stop', 'inject_fault'
 _PAUSE = 4e-3  # [s]; receiving each of a thousand states per second takes a core
 # Receive every mode, even if this process is delayed.
 _ALL = QoSProfile(
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 JOINTS = ['joint1', 'joint2', 'joint3', 'joint4']
 

@@ -177,11 +177,7 @@ def _serve() -> None:
 
 
 def _become(
-    module: str,
-    arguments: list[str],
-    cwd: str,
-    environment: dict[str, str],
-    said: list[str | None],
+    module: str, arguments: list[str], cwd: str, environment: dict[str, str], said: list[str | None]
 ) -> None:
     """Run the program in this process; its exception ends the process as usual."""
     os.setpgid(0, 0)

@@ -17,11 +17,7 @@ from aerarm_ros.calibration.observations import CalibrationError, PoseSource
 from aerarm_ros.nodes.calibrator import calibrator_parser
 from aerarm_ros.ros.programs.calibrator_input import CalibratorInput, read_input, to_observations
 
-TYPES = {
-    '/joint_states': JointState,
-    '/mocap/tip': PointStamped,
-    '/camera/pose': PoseStamped,
-}
+TYPES = {'/joint_states': JointState, '/mocap/tip': PointStamped, '/camera/pose': PoseStamped}
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 

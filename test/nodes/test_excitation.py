@@ -165,11 +165,7 @@ def test_full_mode_from_a_file_with_another_joint_order(tmp_path: Path, environm
     saved = tmp_path / 'played.yaml'
     with ideal_arm(tmp_path, environment, '--full', '--reversed') as seen:
         status, log = run(
-            tmp_path,
-            mode='position_velocity_effort',
-            trajectory=path,
-            periods=0,
-            save=saved,
+            tmp_path, mode='position_velocity_effort', trajectory=path, periods=0, save=saved
         )
     assert status == 0, log
     # As many periods as the file says.
@@ -253,10 +249,7 @@ def test_the_log_states_the_awaited_conditions(tmp_path: Path, environment) -> N
 
 @pytest.mark.parametrize(
     ('mode', 'advice'),
-    [
-        ('running', 'stop the node that commands the arm'),
-        ('damping', 'holds the arm in place'),
-    ],
+    [('running', 'stop the node that commands the arm'), ('damping', 'holds the arm in place')],
 )
 def test_starts_only_from_an_arm_that_is_held(
     tmp_path: Path, environment, mode: str, advice: str

@@ -64,10 +64,7 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
         (['--starts', '0'], '--starts 0'),
         (['--time-limit', 'nan'], '--time-limit nan is invalid'),
         (['--time-limit', '1e-6'], 'so it wrote no files'),
-        (
-            ['--acceleration-limit', '3'],
-            '--acceleration-limit cannot be combined with',
-        ),
+        (['--acceleration-limit', '3'], '--acceleration-limit cannot be combined with'),
     ],
 )
 def test_bad_input_is_one_line(tmp_path: Path, capsys, arguments, message) -> None:

@@ -82,11 +82,7 @@ sys.exit(getattr(executables, name)())
         (['identifier', '--help'], 0, ''),
         (['identifier', '--bag', 'none.csv'], USER_ERROR, 'the bag none.csv does not exist'),
         (['excitation_designer', '--help'], 0, ''),
-        (
-            ['arm', 'enable'],
-            USER_ERROR,
-            'arm: ROS 2 Jazzy is not found (rclpy is missing): ',
-        ),
+        (['arm', 'enable'], USER_ERROR, 'arm: ROS 2 Jazzy is not found (rclpy is missing): '),
     ],
 )
 def test_without_ros(arguments: list[str], status: int, said: str) -> None:

@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 import rclpy
 import yaml
-from identifier_process import (
-    JOINTS,
-    fresh_identifier,
-    identifier,
-    measured,
-    motion,
-    write_bag,
-)
+from identifier_process import JOINTS, fresh_identifier, identifier, measured, motion, write_bag
 
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent

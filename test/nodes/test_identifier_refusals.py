@@ -83,10 +83,7 @@ def test_faulty_bags_are_refused(kind: str, words: str, tmp_path: Path, robot: R
         (['--bag', '{bag}', '--holdout', '1.5'], '--holdout'),
         (['--bag', '{bag}', '--cutoff', '-3'], 'cutoff'),
         (['--bag', '{bag}', '--effort-gain', 'joint1=x'], '--effort-gain'),
-        (
-            ['--bag', '{bag}', '--effort-gain', 'elbow=2'],
-            'unknown joint elbow: the URDF has',
-        ),
+        (['--bag', '{bag}', '--effort-gain', 'elbow=2'], 'unknown joint elbow: the URDF has'),
         (['--bag', '{bag}', '--ignore', 'elbow'], 'joint elbow (--ignore) is not in'),
         (['--bag', '{bag}', '--rename', 'elbow=joint1'], 'joint elbow (--rename) is not in'),
         (['--bag', '{bag}', '--rename', 'joint1'], '--rename'),

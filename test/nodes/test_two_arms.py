@@ -145,9 +145,7 @@ def drawn(tmp_path: Path) -> dict[str, object]:
     return {'excitation_config': config, 'wait_timeout': 0.1}
 
 
-def test_an_invalid_tf_prefix_ends_a_node_with_one_line(
-    ros_domain: dict[str, str],
-) -> None:
+def test_an_invalid_tf_prefix_ends_a_node_with_one_line(ros_domain: dict[str, str]) -> None:
     done = run('fake_hardware', parameters={'tf_prefix': '/left'})
     assert done.returncode == 1
     (line,) = (done.stderr + done.stdout).splitlines()

@@ -137,9 +137,7 @@ def test_a_knock_is_not_carried_for_long(robot: Robot) -> None:
     assert told[-1].payload.mass == SPECK
 
 
-def test_model_errors_of_one_percent_are_no_payload(
-    example_urdf: Callable[[str], Path],
-) -> None:
+def test_model_errors_of_one_percent_are_no_payload(example_urdf: Callable[[str], Path]) -> None:
     """Six joints that carry up to 10 Nm move between postures, some of which are new."""
     robot = load_robot(example_urdf('z1.urdf'), locked=('jointGripper',))
     n, random = robot.n, np.random.default_rng(4)

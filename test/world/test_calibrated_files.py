@@ -46,10 +46,7 @@ def test_calibrated_files_predict_the_tool_in_the_world_within_1_mm(tmp_path: Pa
     path.write_text(drone_yaml(resource('config', 'drone.yaml'), found.pose, None))
     on_link = found.fit.states[0][12:15]
     errors = []
-    for robot, drone in (
-        (ROBOT, load_drone_config()),
-        (calibrated, load_drone_config(path)),
-    ):
+    for robot, drone in ((ROBOT, load_drone_config()), (calibrated, load_drone_config(path))):
         off = [
             marker_in_world(robot, drone, moving, t, on_link) - moving.marker_places(t)[0]
             for t in np.linspace(1.0, 39.0, 40)

@@ -127,10 +127,7 @@ def test_wrong_forces_are_rejected() -> None:
     with pytest.raises(RejectedInputError, match='not held in the world'):
         flight.source.push(5.0 * ALONG, 0.0)
     flight.run(1.5)
-    for force, reason in (
-        ([np.nan, 0.0, 0.0], 'finite'),
-        ([30.0, 0.0, 0.0], 'force_max'),
-    ):
+    for force, reason in (([np.nan, 0.0, 0.0], 'finite'), ([30.0, 0.0, 0.0], 'force_max')):
         with pytest.raises(RejectedInputError, match=reason):
             flight.source.push(force, flight.now)
     far = flight.source._reach

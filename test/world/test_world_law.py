@@ -12,12 +12,7 @@ from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.world.base_pose import BasePose, _turned
-from aerarm_ros.world.world_law import (
-    WorldGains,
-    WorldLaw,
-    WorldReference,
-    felt_share,
-)
+from aerarm_ros.world.world_law import WorldGains, WorldLaw, WorldReference, felt_share
 
 Array = npt.NDArray[np.float64]
 

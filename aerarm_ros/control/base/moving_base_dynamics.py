@@ -52,10 +52,7 @@ class MovingBaseDynamics:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        rotor_inertia: npt.ArrayLike = 0.0,
-        carrier: npt.ArrayLike | None = None,
+        self, robot: Robot, rotor_inertia: npt.ArrayLike = 0.0, carrier: npt.ArrayLike | None = None
     ) -> None:
         self.robot = robot
         self.n = robot.n

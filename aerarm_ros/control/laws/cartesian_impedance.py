@@ -76,11 +76,7 @@ class CartesianImpedance:
         """Do nothing, because the law has no memory of earlier cycles."""
 
     def update(
-        self,
-        state: ArmState,
-        reference: TaskReference,
-        dt: float,
-        base: BaseMotion | None = None,
+        self, state: ArmState, reference: TaskReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
         """Return the joint efforts (n,) [Nm] of the impedance; `dt` is not used."""
         q, dq, _ = state

@@ -114,11 +114,7 @@ class ComputedTorque(InverseDynamicsLaw):
         self._lag = velocity_lag
 
     def update(
-        self,
-        state: ArmState,
-        reference: JointReference,
-        dt: float,
-        base: BaseMotion | None = None,
+        self, state: ArmState, reference: JointReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
         """Return the joint efforts (n,) [Nm] for this cycle of `dt` [s]."""
         q, dq, _ = state
@@ -149,11 +145,7 @@ class BoardComputedTorque(InverseDynamicsLaw):
     stiffness_share = 1.0
 
     def update(
-        self,
-        state: ArmState,
-        reference: JointReference,
-        dt: float,
-        base: BaseMotion | None = None,
+        self, state: ArmState, reference: JointReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
         """Return reference position [rad] and velocity [rad/s], and effort [Nm], (n,) each."""
         a = reference.ddq

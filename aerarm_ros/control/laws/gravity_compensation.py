@@ -74,11 +74,7 @@ class GravityCompensation:
         self._fade.share = 0.0 if self.hand_guiding else 1.0
 
     def update(
-        self,
-        state: ArmState,
-        reference: JointReference,
-        dt: float,
-        base: BaseMotion | None = None,
+        self, state: ArmState, reference: JointReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
         """Return the joint efforts (n,) [Nm] for this cycle of `dt` [s]."""
         stiffness = self._fade.update(dt, not self.hand_guiding)

@@ -155,12 +155,7 @@ class VelocityResolution:
 
 
 def resolve_within(
-    inverse: DampedInverse,
-    jacobian: Array,
-    task: Array,
-    preferred: Array,
-    low: Array,
-    high: Array,
+    inverse: DampedInverse, jacobian: Array, task: Array, preferred: Array, low: Array, high: Array
 ) -> tuple[Array, float]:
     """Return joint rates (n,) within bounds for a task, and the Jacobian's least singular value.
 
@@ -224,11 +219,7 @@ class CartesianMotionControl:
         """Do nothing, because the law has no memory of earlier cycles."""
 
     def update(
-        self,
-        state: ArmState,
-        reference: TaskReference,
-        dt: float,
-        base: BaseMotion | None = None,
+        self, state: ArmState, reference: TaskReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
         """Return the joint velocities (n,) [rad/s]; `dt` and `base` are not used."""
         error = reference.p - self._resolution.kinematics.position(state.q)
@@ -276,11 +267,7 @@ class JointMotionControl:
         self.qd = np.array(q)
 
     def update(
-        self,
-        state: ArmState,
-        reference: TaskReference,
-        dt: float,
-        base: BaseMotion | None = None,
+        self, state: ArmState, reference: TaskReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
         """Return the joint velocities (n,) [rad/s] after a cycle of `dt` [s]."""
         error = reference.p - self._resolution.kinematics.position(self.qd)

@@ -120,8 +120,7 @@ class TargetFollower:
         w = self._frequency
         # Largest speed from which the tool can still stop at the target.
         speed = min(
-            self._velocity_max,
-            sqrt(self._acceleration_max * (sqrt(error @ error) + 1e-12)),
+            self._velocity_max, sqrt(self._acceleration_max * (sqrt(error @ error) + 1e-12))
         )
         approach = limited(0.5 * w * error, speed)
         wanted = 2.0 * w * (approach + target_velocity - self._v)

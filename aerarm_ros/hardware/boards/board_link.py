@@ -470,11 +470,7 @@ class ArmMeasurements:
         return self._reliable, np.where(is_reliable, self.dq, 0.0)
 
     def read(
-        self,
-        links: Sequence[BoardLink],
-        zero: Array,
-        gains: Gains,
-        lag: float | None = None,
+        self, links: Sequence[BoardLink], zero: Array, gains: Gains, lag: float | None = None
     ) -> None:
         """Compute joint positions, velocities and torques from the boards' last valid answers.
 

@@ -471,11 +471,7 @@ class ZeroSearch:
         """Start homing now; `expected` holds motor angles (n,) accurate to a third of a turn."""
         state = self._state
         homing = Homing(
-            self._config,
-            state.reported_position,
-            state.index_toggle,
-            expected,
-            self._pulse_offset,
+            self._config, state.reported_position, state.index_toggle, expected, self._pulse_offset
         )
         self._homing, self._waits = homing, False
         return homing

@@ -265,14 +265,7 @@ class MotorReference:
     def _present_law(self, q: float, dq: float) -> float:
         """Return the result of `_law` [Nm] for the present references and gains."""
         return self._law(
-            self.position,
-            self.velocity,
-            self.current,
-            self.kp,
-            self.kd,
-            self.integral_gain,
-            q,
-            dq,
+            self.position, self.velocity, self.current, self.kp, self.kd, self.integral_gain, q, dq
         )
 
     def _law(

@@ -219,11 +219,7 @@ class CommandIntake:
     """
 
     def __init__(
-        self,
-        joint_names: Sequence[str],
-        settings: BridgeSettings,
-        *,
-        effort_supported: bool = True,
+        self, joint_names: Sequence[str], settings: BridgeSettings, *, effort_supported: bool = True
     ) -> None:
         self.command = CommandBuffer(len(joint_names))
         self.accepted = 0

@@ -253,11 +253,7 @@ class JointBarrier:
     )
 
     def __init__(
-        self,
-        joint: JointConfig,
-        settings: BridgeSettings,
-        deceleration: float,
-        inertia_max: float,
+        self, joint: JointConfig, settings: BridgeSettings, deceleration: float, inertia_max: float
     ) -> None:
         self._position_min, self._position_max = joint.position_min, joint.position_max
         self._effort_max = joint.effort_max

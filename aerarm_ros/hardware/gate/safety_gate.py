@@ -231,10 +231,7 @@ class SafetyGate:
         self.barriers = [
             JointBarrier(joint, settings, deceleration, inertia)
             for joint, deceleration, inertia in zip(
-                config.joints,
-                loads.deceleration.tolist(),
-                loads.inertia_max.tolist(),
-                strict=True,
+                config.joints, loads.deceleration.tolist(), loads.inertia_max.tolist(), strict=True
             )
         ]
         self._config = config

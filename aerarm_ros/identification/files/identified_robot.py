@@ -222,11 +222,7 @@ class IdentifiedUrdf:
 
 
 def identified_urdf(
-    robot: Robot,
-    inertial: Array,
-    viscous: Array,
-    coulomb: Array,
-    load: LoadFriction | None = None,
+    robot: Robot, inertial: Array, viscous: Array, coulomb: Array, load: LoadFriction | None = None
 ) -> IdentifiedUrdf:
     """Return the URDF with identified inertial and friction values.
 

@@ -11,10 +11,7 @@ import numpy as np
 
 from aerarm_ros.identification.assessment import BagDemand, assess
 from aerarm_ros.identification.files.identified_robot import equivalent_friction
-from aerarm_ros.identification.identification_result import (
-    IdentificationResult,
-    Solution,
-)
+from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,

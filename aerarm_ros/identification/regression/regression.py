@@ -8,12 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.identification.conditioning.uniform_motion import Samples, at_rest
-from aerarm_ros.identification.joint_model import (
-    JointModel,
-    JointTerm,
-    TermKind,
-    friction_state,
-)
+from aerarm_ros.identification.joint_model import JointModel, JointTerm, TermKind, friction_state
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 

@@ -9,22 +9,12 @@ import numpy as np
 
 from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.files.summary import ExportError, term_text
-from aerarm_ros.identification.identification_result import (
-    IdentificationResult,
-    Solution,
-)
+from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.joint_model import JointTerm
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.residual_split import REMEDIES, UNEXPLAINED
 from aerarm_ros.model.inertia import PARAMETER_NAMES
-from aerarm_ros.pages.html_text import (
-    Html,
-    folded,
-    markup,
-    number,
-    paragraph,
-    table,
-)
+from aerarm_ros.pages.html_text import Html, folded, markup, number, paragraph, table
 
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.energy.energy_model import EnergyBalance

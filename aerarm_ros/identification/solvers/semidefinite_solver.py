@@ -367,9 +367,7 @@ def _total_within_masses(limits: PhysicalLimits) -> bool:
 
 
 def _notes(
-    limits: PhysicalLimits,
-    kept: LinkBounds,
-    failures: Mapping[LinkBounds, IdentificationError],
+    limits: PhysicalLimits, kept: LinkBounds, failures: Mapping[LinkBounds, IdentificationError]
 ) -> tuple[str, ...]:
     wanted = limits.bounds
     notes = []

@@ -182,12 +182,7 @@ BRIDGE_PARAMETERS = (
         for name, what, unit, maximum in (
             ('board_kp', 'position gain', 'A/rad', 100.0),
             ('board_kd', 'velocity gain (must slow a falling arm)', 'A s/rad', 10.0),
-            (
-                'board_ki',
-                'integral gain (only if the board profile has this field)',
-                'A/(rad s)',
-                1000.0,
-            ),
+            ('board_ki', 'integral gain (if the board profile has it)', 'A/(rad s)', 1000.0),
         )
     ),
     *(

@@ -22,12 +22,7 @@ from aerarm_ros.calibration.observations import (
     PoseSource,
     Source,
 )
-from aerarm_ros.calibration.plateaus import (
-    Track,
-    rest_observations,
-    resting_arm,
-    time_offset,
-)
+from aerarm_ros.calibration.plateaus import Track, rest_observations, resting_arm, time_offset
 from aerarm_ros.calibration.tables import PostureTable, read_postures
 from aerarm_ros.description.robot import STANDARD_GRAVITY
 from aerarm_ros.description.urdf_document import UrdfDocument

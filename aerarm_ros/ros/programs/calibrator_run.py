@@ -8,18 +8,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from aerarm_ros.calibration.calibrate import (
-    Calibration,
-    CalibrationOptions,
-    HeldOut,
-    calibrate,
-)
-from aerarm_ros.calibration.files import (
-    calibrated_urdf,
-    calibration_yaml,
-    config_yaml,
-    summary,
-)
+from aerarm_ros.calibration.calibrate import Calibration, CalibrationOptions, HeldOut, calibrate
+from aerarm_ros.calibration.files import calibrated_urdf, calibration_yaml, config_yaml, summary
 from aerarm_ros.calibration.geometry import Tolerance
 from aerarm_ros.calibration.observations import CalibrationError, Observations
 from aerarm_ros.calibration.report import calibration_html, calibration_text
@@ -27,12 +17,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.description.robot import read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
-from aerarm_ros.ros.programs.calibrator_input import (
-    find_chain,
-    joined,
-    read_input,
-    to_observations,
-)
+from aerarm_ros.ros.programs.calibrator_input import find_chain, joined, read_input, to_observations
 from aerarm_ros.ros.programs.identifier_options import result_folder
 
 URDF, YAML, CONFIG, REPORT = 'calibrated.urdf', 'calibration.yaml', 'arm.yaml', 'report.html'

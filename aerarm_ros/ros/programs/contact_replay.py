@@ -20,12 +20,7 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState, Array
-from aerarm_ros.online.contact_detector import (
-    Cause,
-    ContactDetector,
-    ContactEvent,
-    with_rest_share,
-)
+from aerarm_ros.online.contact_detector import Cause, ContactDetector, ContactEvent, with_rest_share
 from aerarm_ros.online.contact_place import ContactLocator, ContactPlace
 from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
 from aerarm_ros.online.information_filter import ball

@@ -222,9 +222,7 @@ class DemoRun:
         with ExitStack() as stack:
             recorder = stack.enter_context(
                 NodeProcess(
-                    'recorder',
-                    parameters={'bag': motion.bag},
-                    log=self._recorder_log(motion),
+                    'recorder', parameters={'bag': motion.bag}, log=self._recorder_log(motion)
                 )
             )
             print(f'Motion    {motion.name} ({motion.what})', flush=True)

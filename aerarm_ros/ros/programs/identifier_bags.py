@@ -126,12 +126,7 @@ class IdentifierBags:
         notes += _check_complete(name, self._topic, contents)
         self.messages += notes
         recording = recording_from_states(
-            name,
-            states,
-            self._joint_names,
-            self._mapping,
-            self._commanded(contents),
-            self._whole,
+            name, states, self._joint_names, self._mapping, self._commanded(contents), self._whole
         )
         commands = contents.joint_states.get(self._in_namespace(_COMMAND))
         facts = BagFacts(

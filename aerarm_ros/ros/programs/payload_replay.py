@@ -27,19 +27,12 @@ from aerarm_ros.online.payload_estimator import (
     PayloadEstimator,
 )
 from aerarm_ros.online.replay import KnownArm, LoadChange, Replay, unexplained_torque
-from aerarm_ros.ros.controllers.friction_log import (
-    ESTIMATOR_PARAMETERS,
-    estimator_settings,
-)
+from aerarm_ros.ros.controllers.friction_log import ESTIMATOR_PARAMETERS, estimator_settings
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
 from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
 from aerarm_ros.ros.programs.identifier_options import add_arm_options, pair
-from aerarm_ros.ros.programs.identifier_run import (
-    UNCALIBRATED,
-    RecordedArm,
-    gain_deviation,
-)
+from aerarm_ros.ros.programs.identifier_run import UNCALIBRATED, RecordedArm, gain_deviation
 
 
 def main() -> int:

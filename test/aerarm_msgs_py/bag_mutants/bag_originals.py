@@ -20,10 +20,7 @@ from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
-TOPICS = (
-    RecordedTopic('/joint_states', JOINT_STATE),
-    RecordedTopic('/motor_states', JOINT_STATE),
-)
+TOPICS = (RecordedTopic('/joint_states', JOINT_STATE), RecordedTopic('/motor_states', JOINT_STATE))
 _START = 1_700_000_000_123_456_789
 _CHUNK = 40  # messages
 

@@ -16,11 +16,7 @@ def test_values_by_status() -> None:
         for level, name in enumerate(('a', 'bb', 'ccc'))
     ]
     payload = serialize_message(DiagnosticArray(status=statuses))
-    assert diagnostic_values(payload) == {
-        'a': {},
-        'bb': {'k0': ''},
-        'ccc': {'k0': '', 'k1': 'v'},
-    }
+    assert diagnostic_values(payload) == {'a': {}, 'bb': {'k0': ''}, 'ccc': {'k0': '', 'k1': 'v'}}
 
 
 def test_a_truncated_message_is_rejected() -> None:

@@ -65,8 +65,7 @@ def test_a_heavy_drone_with_a_cheap_imu_is_left_alone_even_if_its_arm_picks_some
 
 
 @pytest.mark.parametrize(
-    ('profile', 'pace'),
-    [('tilted', 0.6), ('moving', 0.6), ('moving', 3.0), ('still', 3.0)],
+    ('profile', 'pace'), [('tilted', 0.6), ('moving', 0.6), ('moving', 3.0), ('still', 3.0)]
 )
 def test_driven_bases_and_quick_arms_are_left_alone(robot: Robot, profile: str, pace: float):
     """The arm swings with `pace` [Hz] as commanded; a cheap IMU."""

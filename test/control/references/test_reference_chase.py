@@ -6,10 +6,7 @@ import pytest
 from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.reference_chase import MotionLimit, ReferenceChase
-from aerarm_ros.control.references.trajectory_follower import (
-    FollowerTolerances,
-    TrajectoryFollower,
-)
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.motion.signals import JointReference
 

@@ -30,9 +30,7 @@ def test_ground_distance_of_the_arm_stretched_out(clearance: ClearanceChecker) -
     )
 
 
-def test_ground_distance_when_joint_2_swings_below_the_horizon(
-    clearance: ClearanceChecker,
-) -> None:
+def test_ground_distance_when_joint_2_swings_below_the_horizon(clearance: ClearanceChecker) -> None:
     down = clearance.distances(np.array([0.0, -0.3, 0.0, 0.0]))
     level = clearance.distances(np.zeros(4))
     row = next(i for i, pair in reversed(list(enumerate(clearance.pairs))) if 'ground' in pair)

@@ -59,9 +59,7 @@ def test_the_whole_plan_keeps_the_limits(
 
 
 def test_the_transfer_avoids_a_collision_on_the_straight_path(
-    planner: ExcitationPlanner,
-    trajectory: FourierTrajectory,
-    transfer_checker: FeasibilityChecker,
+    planner: ExcitationPlanner, trajectory: FourierTrajectory, transfer_checker: FeasibilityChecker
 ) -> None:
     # Folded over on the far side: the way down is blocked by the ground unless it goes back up.
     start = np.array([0.0, 3.0, 0.0, 0.9])

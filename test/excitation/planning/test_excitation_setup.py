@@ -46,10 +46,7 @@ def test_limits_a_urdf_does_not_know_can_be_given(robot) -> None:
 
 @pytest.mark.parametrize(
     ('bias', 'message'),
-    [
-        ((0.0, 1.5, 0.0, 3.0), 'position of joint4'),
-        ((0.0, -0.4, 0.0, 0.0), 'ground clearance of'),
-    ],
+    [((0.0, 1.5, 0.0, 3.0), 'position of joint4'), ((0.0, -0.4, 0.0, 0.0), 'ground clearance of')],
 )
 def test_a_centre_where_the_arm_may_not_rest_is_refused(
     setup: ExcitationSetup, bias: tuple[float, ...], message: str

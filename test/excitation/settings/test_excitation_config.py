@@ -7,10 +7,7 @@ import pytest
 
 from aerarm_ros.description.config_reader import ConfigError
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.settings import (
-    ExcitationConfig,
-    load_excitation_config,
-)
+from aerarm_ros.excitation.settings import ExcitationConfig, load_excitation_config
 
 
 def test_packaged_file_centres_joint_2_upright(config: ExcitationConfig, robot: Robot) -> None:

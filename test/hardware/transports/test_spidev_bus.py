@@ -128,10 +128,7 @@ def test_a_device_that_comes_back_is_opened_again_with_its_mode_and_clock(boards
     boards.set(DEVICES[0], working_mode=1)
     boards.set(DEVICES[1], working_mode=1)
     report = use(
-        boards,
-        lambda: boards.vanish(DEVICES[0]),
-        str(path),
-        lambda: boards.come_back(DEVICES[0]),
+        boards, lambda: boards.vanish(DEVICES[0]), str(path), lambda: boards.come_back(DEVICES[0])
     )
     assert report['after']['good'] == [0, COUNT]
     assert 'tries to open the device again' in report['after']['problems'][0]

@@ -12,11 +12,7 @@ import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.files.identified_robot import LoadFriction, identified_urdf
-from aerarm_ros.model.inertia import (
-    from_pseudo_inertia,
-    is_physically_consistent,
-    pseudo_inertia,
-)
+from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent, pseudo_inertia
 
 FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
 

@@ -29,9 +29,7 @@ def test_gravity_and_the_friction_it_causes_are_taken_off() -> None:
     wanted = np.array([VISCOUS, COULOMB, LOAD, *GRAVITY])
     assert np.all(np.abs(theta - wanted) < 4.0 * friction.std)
     np.testing.assert_allclose(
-        friction.gravity_torque(np.array([0.5])),
-        [GRAVITY @ [np.sin(0.5), np.cos(0.5)]],
-        atol=0.01,
+        friction.gravity_torque(np.array([0.5])), [GRAVITY @ [np.sin(0.5), np.cos(0.5)]], atol=0.01
     )
 
 

@@ -24,10 +24,7 @@ def csv(path: Path, header: str, *columns: np.ndarray, delimiter: str = ',') -> 
 @pytest.mark.parametrize(
     ('header', 'delimiter'),
     [
-        (
-            'time,q_shoulder_pan,q_elbow,dq_shoulder_pan,dq_elbow,tau_shoulder_pan,tau_elbow',
-            ',',
-        ),
+        ('time,q_shoulder_pan,q_elbow,dq_shoulder_pan,dq_elbow,tau_shoulder_pan,tau_elbow', ','),
         ('"t";q1;q2;dq1;dq2;tau1;tau2', ';'),
         ('Time\tq[0]\tq[1]\tqd[0]\tqd[1]\ttorque[0]\ttorque[1]', '\t'),
         (

@@ -30,10 +30,7 @@ def test_the_liveliest_run_is_used() -> None:
         (TIME[1550], 'damping'),
     ]
     # The mode in force when recording began is the first one announced.
-    assert running_span(TIME, q, modes) == (
-        slice(800, 1550),
-        'arm_mode running, the fastest of 2',
-    )
+    assert running_span(TIME, q, modes) == (slice(800, 1550), 'arm_mode running, the fastest of 2')
     assert running_span(TIME, q, modes[2:]) == (slice(0, 1550), 'arm_mode running')
     assert running_span(TIME, q, modes[:1]) == (slice(0, 2000), 'arm_mode running')
 

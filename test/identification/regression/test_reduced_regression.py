@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.regression.regression import (
-    ReducedRegression,
-    triangular_factor,
-)
+from aerarm_ros.identification.regression.regression import ReducedRegression, triangular_factor
 
 JOINTS, ROWS, COLUMNS = 3, 200, 7
 NAMES = tuple('abcdefg')

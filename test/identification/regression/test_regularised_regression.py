@@ -3,10 +3,7 @@
 import numpy as np
 
 from aerarm_ros.identification.regression.base_parameters import Prior
-from aerarm_ros.identification.regression.model_fit import (
-    posterior_covariance,
-    solve_regularised,
-)
+from aerarm_ros.identification.regression.model_fit import posterior_covariance, solve_regularised
 from aerarm_ros.identification.regression.regression import TriangularSystem
 
 PRIOR = Prior(np.array([1.0, -2.0, 0.5]), np.array([0.1, 2.0, 30.0]))

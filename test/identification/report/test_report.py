@@ -13,11 +13,7 @@ import pytest
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
 from aerarm_ros.identification.report.report import ReportExtras, interval_view, report_html
-from aerarm_ros.identification.report.report_figures import (
-    cutoff_figure,
-    friction_figure,
-    points,
-)
+from aerarm_ros.identification.report.report_figures import cutoff_figure, friction_figure, points
 from aerarm_ros.identification.report.report_tables import (
     base_parameter_table,
     joint_error_table,
@@ -230,9 +226,7 @@ def test_the_report_works_without_extras(result: IdentificationResult) -> None:
     assert not any('True: parameter of the simulated arm' in text for text in page.texts)
 
 
-def test_parameters_known_only_in_sums_are_marked(
-    result: IdentificationResult,
-) -> None:
+def test_parameters_known_only_in_sums_are_marked(result: IdentificationResult) -> None:
     """Joint 1 turns about one axis: link 1's inertia about it and the rotor's are one number."""
     rows = {r.split('>')[1]: r for r in parameter_table(result, None).split('<tr><td')[1:]}
     shared = [name for name in result.fit.model.columns if 'in a sum' in rows[f'{name}</td']]

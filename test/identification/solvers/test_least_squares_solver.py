@@ -5,10 +5,7 @@ import pytest
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.regression.base_parameters import find_base_parameters
-from aerarm_ros.identification.regression.regression import (
-    ReducedRegression,
-    triangular_factor,
-)
+from aerarm_ros.identification.regression.regression import ReducedRegression, triangular_factor
 from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.model.regressor import Regressor
 

@@ -76,9 +76,7 @@ def test_an_inactive_bridge_reports_its_state(listener: Listener) -> None:
     assert listener.arm().message == 'not active'
 
 
-def test_an_active_bridge_reports_once_a_second_and_only_from_its_cycle(
-    listener: Listener,
-) -> None:
+def test_an_active_bridge_reports_once_a_second_and_only_from_its_cycle(listener: Listener) -> None:
     listener.wait_for(lambda: bool(listener.messages))
     listener.diagnostics.watch(listener.watched)
     before = len(listener.messages)

@@ -90,9 +90,7 @@ def test_refused_real_time_requests_are_warnings_with_advice(
 
 
 @pytest.mark.pace('keep_up')
-def test_parameters_are_served_ten_times_a_second_while_the_loop_runs(
-    client: BridgeClient,
-) -> None:
+def test_parameters_are_served_ten_times_a_second_while_the_loop_runs(client: BridgeClient) -> None:
     client.make_ready()
     client.answer = lambda state: velocity_command(state, [0.1, 0.0, 0.1, 0.1])
     client.wait_for_mode('running')

@@ -62,9 +62,7 @@ def test_boards_cannot_comply(bench: ControllerBench) -> None:
         assert "with feedback 'boards' the arm cannot comply" in process.tail()
 
 
-def test_arm_go_sets_the_reaction_and_reports_the_contact(
-    bench: ControllerBench,
-) -> None:
+def test_arm_go_sets_the_reaction_and_reports_the_contact(bench: ControllerBench) -> None:
     with bench.controller('gravity_compensation') as process:
         contact = bench.publisher(topics.CONTACT)
         answers = []

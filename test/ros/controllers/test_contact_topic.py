@@ -51,10 +51,7 @@ class HoveringDrone:
         return message
 
     def step(
-        self,
-        speaks: bool = True,
-        lift: float = WEIGHT - PUSH,
-        command: JointState | None = None,
+        self, speaks: bool = True, lift: float = WEIGHT - PUSH, command: JointState | None = None
     ) -> None:
         """Say what it is 4 ms later; hear what comes."""
         self.now_ns += STEP_NS

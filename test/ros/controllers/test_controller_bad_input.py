@@ -81,10 +81,7 @@ def refuse_trajectories_and_imu_samples(bench: ControllerBench) -> None:
             message = make()
             refuse(bench, process, lambda m=message: trajectories.publish(m), reason)
         imus = bench.publisher(topics.IMU)
-        for reason, sample in (
-            ('length 0 instead of 1', imu(w=0.0)),
-            ('NaN', imu(x=float('nan'))),
-        ):
+        for reason, sample in (('length 0 instead of 1', imu(w=0.0)), ('NaN', imu(x=float('nan')))):
             refuse(bench, process, lambda s=sample: imus.publish(s), reason)
 
 
@@ -129,9 +126,7 @@ def refuse_set_points_for_a_stopped_arm(bench: ControllerBench) -> None:
             'clear the fault'
         )
         bench.wait(
-            lambda: reason in process.log.read_text(),
-            reason,
-            lambda: set_points.publish(message),
+            lambda: reason in process.log.read_text(), reason, lambda: set_points.publish(message)
         )
 
 

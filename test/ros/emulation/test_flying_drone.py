@@ -117,10 +117,7 @@ class ArmSwinger:
 
 def test_the_drone_hovers_with_its_controller_and_falls_without(bench: DroneBench) -> None:
     contact = {'drone_file': DRONE, 'contact_bandwidth': 2.0}
-    with (
-        bench.controller('gravity_compensation'),
-        bench.controller('base_reaction', **contact),
-    ):
+    with bench.controller('gravity_compensation'), bench.controller('base_reaction', **contact):
         with bench.flight_control() as flight:
             bench.wait(lambda: 'waiting for odometry' not in bench.problems[-3:], 'flight_control')
             arm = ArmSwinger(bench)

@@ -133,10 +133,7 @@ def test_two_grounds_are_reported(drone: DroneEnd, port: int) -> None:
 
 
 def test_a_wrong_key_is_reported_once_on_both_hosts(
-    drone: DroneEnd,
-    ros_node: Node,
-    values: SimpleNamespace,
-    capfd: pytest.CaptureFixture[str],
+    drone: DroneEnd, ros_node: Node, values: SimpleNamespace, capfd: pytest.CaptureFixture[str]
 ) -> None:
     ground = GroundEnd(ros_node, values, OTHER_KEY)
     ends: tuple[LinkEnd, LinkEnd] = (drone, ground)

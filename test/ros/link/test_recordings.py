@@ -170,10 +170,7 @@ def same(one: Path, other: Path) -> bool:
 
 
 def request(
-    client: Node,
-    folder: Path,
-    name: str = 'flight',
-    tell: Callable[[str], None] = lambda _: None,
+    client: Node, folder: Path, name: str = 'flight', tell: Callable[[str], None] = lambda _: None
 ) -> RecordingRequest:
     return RecordingRequest(client, name, folder / name, tell)
 

@@ -5,10 +5,7 @@ TIMING = {'period p50 [us]': '1000', 'period p99.9 [us]': '1040', 'missed cycles
 
 def test_quantiles_are_found_by_their_keys() -> None:
     rows = timing_rows(TIMING | {'wake lateness max [us]': '91', 'energy [J]': '4'})
-    assert rows == {
-        'period': {'p50': '1000', 'p99.9': '1040'},
-        'wake lateness': {'max': '91'},
-    }
+    assert rows == {'period': {'p50': '1000', 'p99.9': '1040'}, 'wake lateness': {'max': '91'}}
 
 
 def test_only_statuses_with_quantiles_make_a_table() -> None:

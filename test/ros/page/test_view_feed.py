@@ -13,9 +13,7 @@ from aerarm_ros.ros.page.view_plots import ROWS, ViewFeed
 NAMES = ['joint1', 'joint2']
 
 
-def test_an_unhomed_arm_is_distinguished_from_a_silent_one(
-    ros_node: Node,
-) -> None:
+def test_an_unhomed_arm_is_distinguished_from_a_silent_one(ros_node: Node) -> None:
     topic = topics.JOINT_STATES
     publisher = ros_node.create_publisher(topic.type, topic.name, topic.qos)
     feed = ViewFeed(ros_node, NAMES, 1.0, 20.0, has_base=False)

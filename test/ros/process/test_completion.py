@@ -41,16 +41,14 @@ echo "${{COMPREPLY[@]}}"
 
 
 @pytest.mark.parametrize(
-    ('line', 'words'),
-    [('tool --s', ['--solver', '--some']), ('tool --some --solver s', ['sdp'])],
+    ('line', 'words'), [('tool --s', ['--solver', '--some']), ('tool --some --solver s', ['sdp'])]
 )
 def test_options_and_their_choices(tmp_path: Path, line: str, words: list[str]) -> None:
     assert completed(tmp_path, TOOL, line) == words
 
 
 @pytest.mark.parametrize(
-    ('line', 'words'),
-    [('tool --ros', ['--ros-args']), ('tool --ros-args -p ho', ['host:='])],
+    ('line', 'words'), [('tool --ros', ['--ros-args']), ('tool --ros-args -p ho', ['host:='])]
 )
 def test_parameters_of_a_node(tmp_path: Path, line: str, words: list[str]) -> None:
     assert completed(tmp_path, NODE, line) == words

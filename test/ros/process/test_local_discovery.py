@@ -35,8 +35,7 @@ def test_a_range_within_this_host_stays_without_a_notice(given: dict[str, str]) 
 
 
 @pytest.mark.parametrize(
-    ('name', 'value'),
-    [(RANGE, 'SUBNET'), (RANGE, 'OFF'), ('ROS_STATIC_PEERS', '192.168.1.2')],
+    ('name', 'value'), [(RANGE, 'SUBNET'), (RANGE, 'OFF'), ('ROS_STATIC_PEERS', '192.168.1.2')]
 )
 def test_an_open_network_leaves_the_environment_as_it_is(name: str, value: str) -> None:
     environment = {'AERARM_NETWORK': 'open', name: value}

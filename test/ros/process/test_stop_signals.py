@@ -130,10 +130,7 @@ def test_one_that_stays_awake_is_not_stopped_by_ctrl_z() -> None:
 
 def test_a_crash_still_ends_the_process() -> None:
     # A handler would be called after the instruction that crashed, which is never over.
-    for crash, number in (
-        ('ctypes.string_at(0)', signal.SIGSEGV),
-        ('os.abort()', signal.SIGABRT),
-    ):
+    for crash, number in (('ctypes.string_at(0)', signal.SIGSEGV), ('os.abort()', signal.SIGABRT)):
         script = SCRIPT.replace('for line', f'import ctypes, os; {crash}\n    for line')
         stopped = Stopped(script=script)
         assert stopped.process.wait(60.0) == -number

@@ -2,11 +2,7 @@ import re
 
 import pytest
 
-from aerarm_ros.ros.recording import (
-    LossWatch,
-    receive_buffer_need,
-    receive_buffer_problem,
-)
+from aerarm_ros.ros.recording import LossWatch, receive_buffer_need, receive_buffer_problem
 
 MS = 1_000_000
 

@@ -4,11 +4,7 @@ from sensor_msgs.msg import LaserScan
 
 from aerarm_msgs_py import topics
 from aerarm_ros.ros.parameters.parameter_table import ParameterError
-from aerarm_ros.ros.recording import (
-    SUITE_TOPICS,
-    as_recorded,
-    find_topics,
-)
+from aerarm_ros.ros.recording import SUITE_TOPICS, as_recorded, find_topics
 
 
 def test_the_suite_is_recorded_but_not_the_recorder() -> None:
