@@ -60,7 +60,7 @@ class _MessageInfo(ctypes.Structure):
 
 
 class IdentifiedTake:
-    """Receiver of messages together with an identifier of their publisher.
+    """Receiver of messages, each with the identifier of its publisher.
 
     The message info of rclpy lacks the publisher, so this class calls the C library rcl. Each
     publisher numbers its own messages; without the publisher, lost messages cannot be counted

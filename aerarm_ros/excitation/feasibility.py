@@ -193,7 +193,7 @@ def effort_margins(
     times: Array,
     states: JointReference,
 ) -> list[LimitMargin]:
-    """Return the margins of the joint torques and motor currents that a motion requires.
+    """Return how far a motion's joint torques and motor currents stay below their limits.
 
     Parameters
     ----------

@@ -241,7 +241,7 @@ class ContactEstimator:
         self._joints.add(stamp, np.concatenate([q, dq]))
 
     def problem(self) -> str:
-        """Return why the contact estimate is unavailable, or an empty text."""
+        """Return why the contact estimate is unavailable, or an empty string."""
         now = self._now
         if np.isinf(now):
             return 'no joint states yet'

@@ -183,7 +183,7 @@ def _is_old(sample: OdometrySample | ImuSample, now: float) -> bool:
 
 
 def _jump(before: OdometrySample, sample: OdometrySample) -> str:
-    """Return a text that names the impossible change between two samples, or an empty text."""
+    """Return a text that names the impossible change between two samples, or an empty string."""
     step = sample.stamp - before.stamp
     rotation = rotation_matrix(before.attitude)
     place = before.position + step * (rotation @ before.velocity)

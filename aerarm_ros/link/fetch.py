@@ -44,7 +44,7 @@ def is_name(text: str) -> bool:
 
 
 def questions(content: bytes) -> tuple[int, list[bytes]]:
-    """Decode a request for blocks: number of the manifest, and packed numbers of each block.
+    """Decode a request for blocks: number of the manifest, and the packed block numbers.
 
     Raises struct.error if the request is truncated.
     """

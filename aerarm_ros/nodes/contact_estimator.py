@@ -107,7 +107,7 @@ class ContactEstimatorNode(StateNode):
         self.count_answer()
 
     def warning(self) -> str:
-        """Return why contact cannot be detected, or an empty text."""
+        """Return why contact cannot be detected, or an empty string."""
         return super().warning() or self._detector.problem
 
     def describe(self) -> dict[str, object]:

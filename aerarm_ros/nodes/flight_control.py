@@ -249,7 +249,7 @@ class FlightControlNode:
         self._diagnostics.report(problem, values)
 
     def _forecast_problem(self) -> str:
-        """Return why most arm forecasts since the last report were unusable, or an empty text."""
+        """Return why most arm forecasts since the last report were unusable, or an empty string."""
         answers, late = self._reported
         self._reported = self._answers, self._late
         if not self._late - late > 0.5 * (self._answers - answers):

@@ -114,7 +114,7 @@ class PayloadEstimatorNode(StateNode):
             self._log.finish()
 
     def warning(self) -> str:
-        """Return why the payload cannot be estimated, or an empty text."""
+        """Return why the payload cannot be estimated, or an empty string."""
         unwritten = self._log.problem if self._log is not None else ''
         return super().warning() or self._estimator.problem or unwritten
 

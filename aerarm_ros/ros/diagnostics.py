@@ -98,7 +98,7 @@ class WaitingNotice:
         self._due = now + PATIENCE
 
     def update(self, missing: Sequence[str], now: float) -> str:
-        """Return a notice that lists `missing`, or an empty text if none is needed at `now` [s]."""
+        """Return a notice that lists `missing`, or an empty string if none is due."""
         if not missing or now < self._due:
             return ''
         self._due = now + REPETITION

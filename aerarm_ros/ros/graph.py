@@ -16,14 +16,14 @@ _UNKNOWN = '_NODE_NAME_UNKNOWN_'  # name of an endpoint that was discovered befo
 
 
 def endpoint_name(endpoint: TopicEndpointInfo) -> str:
-    """Return the full name of an endpoint's node, or an empty text if it is not discovered yet."""
+    """Return the full name of an endpoint's node, or an empty string before its discovery."""
     if endpoint.node_name == _UNKNOWN:
         return ''
     return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
 
 
 def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
-    """Return why messages of a publisher do not reach a subscription, or an empty text.
+    """Return why messages of a publisher do not reach a subscription, or an empty string.
 
     The middleware does not report different message types. It reports different qualities of
     service only to executors that run the subscription.
@@ -266,7 +266,7 @@ class DuplicatePublisherCheck:
         self._reported = ''
 
     def problem(self) -> str:
-        """Return a warning that names the duplicate publishers, or an empty text.
+        """Return a warning that names the duplicate publishers, or an empty string.
 
         The call is fast with one publisher; reading the names of several takes up to 1 ms.
         """
@@ -277,7 +277,7 @@ class DuplicatePublisherCheck:
         return several_publishers(self._topic, names)
 
     def news(self) -> str:
-        """Return `problem` if it has changed since the last call, else an empty text."""
+        """Return `problem` if it has changed since the last call, else an empty string."""
         problem = self.problem()
         is_new, self._reported = problem != self._reported, problem
         return problem if is_new else ''

@@ -176,7 +176,7 @@ class BasePoseEstimator:
         self._frozen = FreezeWatch(_FROZEN)
 
     def problem(self, now: float) -> str:
-        """Return why the pose cannot be used at `now` [s], or an empty text."""
+        """Return why the pose cannot be used at `now` [s], or an empty string."""
         if np.isinf(self._received):
             return f'odometry: {self._problem}' if self._problem else 'no odometry yet'
         age = now - self._received

@@ -355,7 +355,7 @@ class WorldToolReference:
         return self.reference
 
     def _off_target(self, now: float) -> str:
-        """Return why the tool is too far from its target, or an empty text."""
+        """Return why the tool is too far from its target, or an empty string."""
         reference = self.reference
         if self.reason or reference is None or self.error <= self._error_max:
             self._off_since = None

@@ -218,7 +218,7 @@ class BaseMotionEstimator:
         return f'no IMU sample for {age:.2f} s: using the configured gravity'
 
     def problem(self, now: float) -> str:
-        """Return why the estimate uses a fallback at `now` [s], or an empty text."""
+        """Return why the estimate uses a fallback at `now` [s], or an empty string."""
         source = self.status(now)
         return '' if self.mode == NONE or source == 'IMU' else source
 

@@ -391,7 +391,7 @@ class FreeBaseEstimator:
         return f'rotor commands + IMU below {self.correction.cutoff:g} Hz'
 
     def problem(self, now: float) -> str:
-        """Return which input is missing or invalid at `now` [s], or an empty text."""
+        """Return which input is missing or invalid at `now` [s], or an empty string."""
         wrong = self._imu_problem(now) or self._rotor_problem(now)
         return self.status(now) if wrong else ''
 

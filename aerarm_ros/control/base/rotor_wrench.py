@@ -69,7 +69,7 @@ class RotorWrench:
         self._stamp = self._received = self._changed = -np.inf
 
     def problem(self, now: float) -> str:
-        """Return why the rotor commands are unusable at `now` [s], or an empty text."""
+        """Return why the rotor commands are unusable at `now` [s], or an empty string."""
         age = now - self._received
         if np.isinf(age):
             return 'no rotor commands yet'

@@ -316,7 +316,7 @@ def _cross_fade(
     duration: float,
     limits: JointLimits,
 ) -> tuple[PolynomialPath, str]:
-    """Return a cross-fade between two motions, and which limit it exceeds or an empty text.
+    """Return a cross-fade between two motions, and which limit it exceeds or an empty string.
 
     The path passes through evenly spaced instants, and through `knots` [s] of the first motion.
     """
@@ -336,7 +336,7 @@ def _cross_fade(
 
 
 def _exceeded(samples: JointReference, limits: JointLimits) -> str:
-    """Return a text with the limit that references (M, n) exceed, or an empty text."""
+    """Return a text with the limit that references (M, n) exceed, or an empty string."""
     try:
         limits.including(samples.q[0]).check_position('it', samples.q)
     except RejectedInputError as error:

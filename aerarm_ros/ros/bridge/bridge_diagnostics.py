@@ -388,7 +388,7 @@ class RejectionLog:
     node
         Owner of the log.
     publishers_warning
-        Returns a warning about the publishers of commands, or an empty text.
+        Returns a warning about the publishers of commands, or an empty string.
     """
 
     def __init__(self, node: Node, publishers_warning: Callable[[], str]) -> None:

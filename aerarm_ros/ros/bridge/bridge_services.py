@@ -124,7 +124,7 @@ class BridgeServices:
             node.create_service(Trigger, f'~/{name}', self._handler(name, action))
 
     def _same_name_problem(self) -> str:
-        """Return a message if another node has the name of this bridge, else an empty text.
+        """Return a message if another node has the name of this bridge, else an empty string.
 
         Such a request reaches both nodes, and the client receives the first answer only.
         """

@@ -163,7 +163,7 @@ class World:
         return ()
 
     def parameter_problem(self, changes: Mapping[str, Any]) -> str:
-        """Return why the node must reject new values of live parameters, or an empty text."""
+        """Return why the node must reject new values of live parameters, or an empty string."""
         return ''
 
     def clean_up(self) -> None:

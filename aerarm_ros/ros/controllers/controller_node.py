@@ -200,7 +200,7 @@ class ControllerNode(StateNode):
         super().close()
 
     def warning(self) -> str:
-        """Return the warning for /diagnostics, or an empty text."""
+        """Return the warning for /diagnostics, or an empty string."""
         if self._mode not in COMMANDABLE:
             return (
                 f"the arm is in mode '{self._mode}': run {to_switch_on(self._mode)}, or clear the "

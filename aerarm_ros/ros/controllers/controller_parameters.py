@@ -452,7 +452,7 @@ class ControlledArm:
 
 
 def payload_problem(changes: Mapping[str, Any]) -> str:
-    """Return why a changed payload parameter is invalid, or an empty text."""
+    """Return why a changed payload parameter is invalid, or an empty string."""
     try:
         checked_payload(_payload(changes.get(PAYLOAD, [])))
     except ValueError as error:

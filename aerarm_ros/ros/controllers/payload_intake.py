@@ -125,7 +125,7 @@ class PayloadIntake:
 
     @property
     def problem(self) -> str:
-        """Warning that the payload compensation was withdrawn, or an empty text."""
+        """Warning that the payload compensation was withdrawn, or an empty string."""
         if not self._compensation.is_undone:
             return ''
         return (

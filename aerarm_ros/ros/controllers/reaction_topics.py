@@ -301,7 +301,7 @@ class ContactTopic:
             self._estimator.observer.bandwidth = bandwidth
 
     def problem(self) -> str:
-        """Return which input the contact estimate lacks, or an empty text."""
+        """Return which input the contact estimate lacks, or an empty string."""
         if self._estimator is None or not self._count:
             return ''
         problem = self._estimator.problem()

@@ -228,7 +228,7 @@ class StateNode:
         """Raise ValueError if a live parameter's new value is invalid; callable from any thread."""
 
     def warning(self) -> str:
-        """Return the warning for /diagnostics, or an empty text."""
+        """Return the warning for /diagnostics, or an empty string."""
         return self.base.problem(self.stamp_ns * 1e-9)
 
     def describe(self) -> dict[str, object]:

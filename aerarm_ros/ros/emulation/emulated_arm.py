@@ -250,7 +250,7 @@ class EmulatedArm(World):
             self._time.poll()
 
     def parameter_problem(self, changes: Mapping[str, Any]) -> str:
-        """Return why the node must reject new values of live parameters, or an empty text."""
+        """Return why the node must reject new values of live parameters, or an empty string."""
         boards, made = self.boards, self._made
         if boards is None or made is None:
             return ''

@@ -566,7 +566,7 @@ class RemoteControllers:
         self._known: list[str] = []
 
     def problem(self) -> str:
-        """Return and log a warning about controllers on this host, or return an empty text."""
+        """Return and log a warning about controllers on this host, or return an empty string."""
         ends = self._node.get_publishers_info_by_topic(self._topic)
         names = sorted({endpoint_name(end) for end in ends} - {'', self._own})
         text = ''

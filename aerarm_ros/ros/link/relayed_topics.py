@@ -218,7 +218,7 @@ class DroneTopics:
             self._send_layout(text)
 
     def problem(self, now: float) -> str:
-        """Return a warning about topics in `STEADY` without recent messages, or an empty text.
+        """Return a warning about topics in `STEADY` without recent messages, or an empty string.
 
         A topic without a publisher counts as ended, except `joint_states`, because a bridge must
         run.

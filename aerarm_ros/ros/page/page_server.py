@@ -84,7 +84,7 @@ class PageGuard:
     def refusal(
         self, path: str, hosts: Sequence[str], origins: Sequence[str], socket_wanted: bool
     ) -> str:
-        """Return the reason to reject a request, or an empty text if it is permitted.
+        """Return the reason to reject a request, or an empty string if it is permitted.
 
         Parameters
         ----------

@@ -78,7 +78,7 @@ class ViewDiagnostics:
         }
 
     def recovery_hint(self, now: float) -> str:
-        """Return the bridge's recovery hint for the present fault, or an empty text."""
+        """Return the bridge's recovery hint for the present fault, or an empty string."""
         texts = [
             status.values.get(_HINT, '')
             for _, status in self._present(now)
@@ -87,7 +87,7 @@ class ViewDiagnostics:
         return next(filter(None, texts), '')
 
     def timing_html(self, now: float) -> Html:
-        """Return HTML tables of the timing statistics [us] in all statuses, or an empty text."""
+        """Return HTML tables of the timing statistics [us] in all statuses, or an empty string."""
         tables = [
             (name, self._level(status, now), _cells(rows), _counts(status.values))
             for name, status in self._present(now)
@@ -96,7 +96,7 @@ class ViewDiagnostics:
         return Html(elements().tables(tables, 'us', _STATISTICS))
 
     def motors_html(self, now: float) -> Html:
-        """Return HTML tables of the motors' temperatures and torque limits, or an empty text."""
+        """Return HTML tables of the motors' temperatures and torque limits, or an empty string."""
         heads = [f'{name} {end[end.index("[") :]}' for name, end in _MOTOR_COLUMNS.items()]
         tables = [
             (name, self._level(status, now), rows.items(), None)

@@ -73,7 +73,7 @@ class ParameterTable:
             node's parameters.
         check
             Called in the same thread with the new values by name, before live parameters are set.
-            Returns why the values are invalid, or an empty text.
+            Returns why the values are invalid, or an empty string.
 
         Returns
         -------

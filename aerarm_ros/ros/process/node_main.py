@@ -114,7 +114,7 @@ class CommandLine:
         return [*filter(None, warnings), *_misnamed_sections(arguments.parameters, node)]
 
     def _judge(self, given: GivenParameter, node: str) -> str:
-        """Check one given parameter: return a warning or an empty text, or raise UsageError."""
+        """Check one given parameter: return a warning or an empty string, or raise UsageError."""
         if not given.is_for(node):
             if given.source == '-p':
                 raise UsageError(

@@ -18,7 +18,7 @@ _SOLVERS = (
 
 
 def optional_path(text: str) -> Path | None:
-    """Convert text to a path; an empty text (a launch argument without a value) gives None."""
+    """Convert text to a path; an empty string (a launch argument without a value) gives None."""
     return Path(text) if text else None
 
 

@@ -335,7 +335,7 @@ class PayloadReplay:
         return '\n'.join([*lines, str(directory.target / _GAINS)])
 
     def _friction_lines(self, last: OnlineEstimate) -> list[str]:
-        """Return a table of the friction in the model and at the end of the last bag."""
+        """Return a table that compares the friction of the model and of the last bag."""
         names = ', '.join(self._arm.robot.joint_names)
         lines = [f'Friction in the model -> at the end of the last bag, of {names}']
         rows = zip(self._arm.friction, last.friction, last.friction_std, strict=True)

@@ -132,7 +132,7 @@ def bridges_among(services: Iterable[str]) -> list[str]:
 
 
 def same_name_problem(node: Node, client: Client | None) -> str:
-    """Return a message if several bridges have the name that a client calls, else an empty text.
+    """Return a message if several bridges have the name that a client calls, else an empty string.
 
     All of these bridges execute the request, but the client receives only one answer.
     """

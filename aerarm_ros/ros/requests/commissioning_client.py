@@ -99,7 +99,7 @@ class CommissioningClient:
 
     @property
     def problem(self) -> str:
-        """Reason why the commissioning procedure cannot continue, or an empty text."""
+        """Reason why the commissioning procedure cannot continue, or an empty string."""
         silent = time.monotonic() - self._received_at > _SILENCE
         return 'the bridge no longer responds' if silent and self.is_on else ''
 

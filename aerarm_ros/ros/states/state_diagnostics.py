@@ -32,7 +32,7 @@ class StateDiagnostics:
     stream
         Joint states whose numbers the status contains.
     warning
-        Returns a further warning of the node, or an empty text.
+        Returns a further warning of the node, or an empty string.
     values
         Returns further values of the node, by name.
     arm
@@ -114,7 +114,7 @@ class StateDiagnostics:
         return self._sources.problem() or self._clocks() or self._warning()
 
     def _clocks(self) -> str:
-        """Return a warning if the latency shows that two hosts' clocks differ, or an empty text."""
+        """Return a warning if the clocks of two hosts differ, otherwise an empty string."""
         latency = self.latency.summary()
         if not latency.count or (latency.p50 >= 0.0 and latency.p50 < _LATENCY_MAX):
             return ''
