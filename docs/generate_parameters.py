@@ -46,7 +46,7 @@ TITLES = {
     'rotor_share': 'Rotor thrust that motions may use',
     'heading_max': 'Heading of the drone during motions',
     'compensation': 'Limit of the disturbance observer',
-    'feed_lead': 'Preview time of set points',
+    'feed_lead': 'Preview time of the feed-forward',
     'excitation_config': 'Collision checks',
     'frame': 'Cartesian targets',
     'friction_fraction': 'Trajectories and goals',

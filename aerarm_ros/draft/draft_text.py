@@ -38,8 +38,8 @@ _ARM_ADVICE = {
         'URDF. Check it in the browser (view), and set the posture in which the arm is parked.'
     ),
     'rated_payload': 'the largest payload: mass [kg], and x, y, z of its centre of mass in the '
-    "frame of the last link's joint [m]. Weigh the payload; the limits then "
-    'include it.',
+    "frame of the last link's joint [m]. Weigh the payload: its mass "
+    'enters the limits.',
     'boards': 'numbered from 0; two motors per board. device: bus and chip select as wired; '
     "`ls /dev/spidev*` lists the devices. clock_hz, mode: from the boards' documents.",
     'motors': 'pole_pairs, kv [rpm/V], current_max [A], resistance [ohm, phase to neutral]: from '

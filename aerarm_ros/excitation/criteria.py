@@ -270,7 +270,7 @@ class ConditionCriterion:
         return part / np.outer(norms, norms), norms
 
     def _soft_condition(self, matrix: Array) -> tuple[float, Array]:
-        """Return half the smoothed logarithm of the eigenvalue ratio, and its derivative."""
+        """Return a smooth approximation of the log condition number, and its derivative."""
         eigenvalues, vectors = np.linalg.eigh(matrix)
         log = np.log(np.maximum(eigenvalues, np.finfo(float).tiny))
         rho = self._sharpness

@@ -85,7 +85,7 @@ class ContactReport(NamedTuple):
 
 @dataclass(eq=False)
 class ContactEvent:
-    """Event: interval in which the external joint torque exceeds the bound of model errors.
+    """Event: interval in which the external joint torque exceeds the bound on model errors.
 
     Attributes
     ----------

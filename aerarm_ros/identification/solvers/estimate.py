@@ -51,7 +51,7 @@ class PhysicalLimits:
 
     @property
     def centre_box(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (n, 3) of the centres of mass (3.12) [m]."""
+        """Lower and upper bounds of the centres of mass [m], (n, 3) each; thesis (3.12)."""
         centre = np.zeros((len(self.mass), 3)) if self.centre is None else self.centre
         reach = np.repeat(self.size[:, None], 3, axis=1) if self.reach is None else self.reach
         return centre - reach, centre + reach

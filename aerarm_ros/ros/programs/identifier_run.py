@@ -101,7 +101,7 @@ _ROLES = ('identification', 'validation')
 
 def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
     """Return a table with the largest torque error of each written file over the given bags."""
-    lines = [f'Filtered torque error of the model in each written file [%], on {_names(judged)}']
+    lines = [f'Low-passed torque error [%] on {_names(judged)}, of the model in each written file']
     width = max((len(error.file) for error in exports), default=0)
     for error in exports:
         worst = max(error.filtered[-len(judged) :])
