@@ -212,7 +212,7 @@ class JointStateBuilder:
         return block.payloads[part], block.log_time[part], block.sequence[part]
 
     def _thin_out(self, limit: int) -> None:
-        """When the number of kept messages reaches `limit`, remove every second one and double the stride."""
+        """Remove every second kept message and double the stride if `limit` is reached."""
         if self._count < limit:
             return
         before, self._count = self._count, (self._count + 1) // 2

@@ -133,7 +133,6 @@ SUFFIX = '.zstd'
 """Suffix that rosbag2 appends to the names of files compressed as a whole."""
 
 _COPIED_PIECE = 2**20  # bytes
-_LARGEST_WINDOW = 2**27  # bytes
 
 
 class BagFile(Protocol):

@@ -71,6 +71,12 @@ class Robot:
         bodies = (f for f in self.model.frames if f.type == pin.FrameType.BODY)
         return str(next(bodies).name)
 
+    @cached_property
+    def end_link(self) -> str:
+        """Name of the last link of the URDF, usually the tool."""
+        bodies = [f for f in self.model.frames if f.type == pin.FrameType.BODY]
+        return str(bodies[-1].name)
+
     def full_name(self, name: str) -> str:
         """Return the prefixed name of a link or joint, given with or without prefix."""
         full = self.prefix + name

@@ -90,7 +90,6 @@ class BridgeReport:
 
     def counters(self) -> dict[str, int]:
         """Return all counters of the bridge by their names in the diagnostics."""
-        # Copies, because a diagnostics thread may read while the loop increments the counters.
         rejections, limited = dict(self._intake.rejections), dict(self._gate.limited)
         counts = {'commands accepted': self._intake.accepted}
         counts |= {f'rejected {key}': count for key, count in rejections.items()}

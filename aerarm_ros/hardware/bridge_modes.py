@@ -5,7 +5,7 @@
 - unhomed: the motors are off, and the encoder zero of a joint is unknown. Only `home` and
   commissioning move the arm.
 - aligning: the boards turn their motors to find the rotor angles. The arm moves.
-- ready: the arm holds its position; no command has arrived yet.
+- ready: the arm holds its position until a command arrives.
 - homing: the motors search for the encoders' index pulses.
 - commissioning: one motor turns its joint at low torque and speed; all other motors are off.
 - running: the arm follows the last command.

@@ -255,8 +255,7 @@ class LoadCheck:
     def __init__(self, config: ArmConfig, robot: Robot) -> None:
         mass, *centre = config.rated_payload
         self._config = config
-        # These models are not shared with the gate, because another thread may produce the
-        # diagnostics.
+        # These models are not shared with the gate, because they carry other payloads.
         self._empty, self._loaded = Dynamics(robot), Dynamics(robot)
         self._loaded.carry(point_mass(mass, centre))
         masses = np.array(robot.inertial_parameters)[:, 0]

@@ -2,6 +2,8 @@
 
 `identify.py` runs the whole identification as one function: from recordings and a URDF to parameter
 estimates with their accuracy. `files` and `report` write the results. Packages import only from
-packages earlier in this order: `recording`, `conditioning`, `regression`, `rollout`, `solvers`,
-`model_choice`, `assessment`, `payload`, `files`, `report`. `motor_bench` identifies single drives.
+packages earlier in this order: `recording`, `conditioning`, `regression`, `solvers`,
+`model_choice`, `files`, `report`. Further modules define parameters (`joint_model`,
+`arm_parameters`) and checks (`assessment`, `input_errors`, `residual_split`). `motor_bench`
+identifies single drives.
 """

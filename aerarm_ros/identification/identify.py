@@ -85,7 +85,7 @@ class Stopwatch:
 _MOST = 10.0  # largest ratio between the weights of one bag and those of all bags together
 # number of rounds, because a noisy bag degrades the first fit, which determines the noise of all
 # bags
-_ROUNDS = 2
+_WEIGHT_ROUNDS = 2
 
 
 def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[SampleColumns]:
@@ -102,7 +102,7 @@ def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[Sam
     weighted = list(bags)
     if len(bags) < 2:
         return weighted
-    for _ in range(_ROUNDS):
+    for _ in range(_WEIGHT_ROUNDS):
         residuals = SimpleFit(weighted, cad).residuals()
         squares = np.array([np.nansum(own**2, axis=0) for own in residuals])
         counts = np.array([np.isfinite(own).sum(axis=0) for own in residuals])

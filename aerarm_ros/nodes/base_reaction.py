@@ -89,6 +89,8 @@ class BaseReactionNode(StateNode):
         self._is_located = bool(np.isfinite(state.q).all())
         if not self._is_located:
             self._acceleration.reset()
+            self._loads.fade()
+            self._contact.fade()
             return
         now = stamp_ns * 1e-9
         dt, self._last = now - self._last, now
@@ -130,7 +132,7 @@ class BaseReactionNode(StateNode):
     def warning(self) -> str:
         """Return a warning if joint positions, or inputs of an estimate, are missing."""
         if not self._is_located:
-            return 'joint positions are unknown, so nothing is published: home the arm (arm home)'
+            return 'joint positions are unknown, so nothing is published: home the arm'
         return super().warning() or self._contact.problem()
 
     def _on_mode(self, message: String, _: float) -> None:

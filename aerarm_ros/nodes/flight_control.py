@@ -47,6 +47,7 @@ _WAIT = 0.1  # [s]
 _NAP = 1e-3  # [s]
 _STEP_MAX = 0.05  # [s] longest interval over which an integral grows in one step
 _LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, bounds of a trajectory's start
+_PUBLISHED = 5e-3  # [s] between two forecasts of base_reaction
 _REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 
 PARAMETERS = ParameterTable(*ARM_FILES, DRONE_FILE, *FLIGHT_PARAMETERS, *REAL_TIME_PARAMETERS)
@@ -232,12 +233,13 @@ class FlightControlNode:
 
     def _report(self) -> None:
         missing = self._estimator.missing()
+        forecast_problem = self._forecast_problem()
         problem = self._doing
         if not problem and time.monotonic() - self._rejected_at < _REMEMBERED:
             problem = rejection(self._rejection)
         if not problem and missing:
             problem = f'{" and ".join(missing)} silent'
-        problem = problem or self._forecast_problem()
+        problem = problem or forecast_problem
         values: dict[str, object] = {
             'commands': self._answers,
             'rejected inputs': self._rejections,
@@ -255,9 +257,9 @@ class FlightControlNode:
         if not self._late - late > 0.5 * (self._answers - answers):
             return ''
         return (
-            'arm forecasts are late or missing, so the arm motion is not compensated: check '
-            'base_reaction, and set its parameter lead to '
-            f'{self._arm.preview:.3f} s or more'
+            'arm forecasts are late or missing, so the arm motion is compensated late or not at '
+            'all: check base_reaction, and set its parameter lead to '
+            f'{self._arm.preview + _PUBLISHED:.3f} s or more'
         )
 
     def _try(self, action: Callable[[], None]) -> None:

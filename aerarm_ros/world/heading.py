@@ -86,8 +86,8 @@ class HeadingControl:
         low, high : (M,) ndarray
             Smallest and largest moment of the rotors about the vertical, beside hovering and the
             other moments of the motion [Nm].
-        carried : (M,) ndarray
-            Angular momentum of the unknown payload [Nms].
+        carried : (M,) ndarray or float
+            Angular momentum of the unknown payload [Nms], which is never fed forward.
         """
         w = self._frequency
         end = float(times[-1]) + _TAIL / w

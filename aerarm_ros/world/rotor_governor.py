@@ -95,8 +95,8 @@ class RotorGovernor:
     heading : HeadingControl, optional
         Model of the heading with its limit; without it only the thrusts are limited.
     unknown_payload : float
-        Mass at the tool [kg] that `whole` does not contain; the limit of the heading applies to
-        the arm with this mass.
+        Mass at the last link's frame [kg] that `whole` does not contain; the limit of the heading
+        applies to the arm without and with this mass.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class RotorGovernor:
     ) -> None:
         self.whole = whole
         self._unknown = non_negative_number('unknown_payload', unknown_payload)
-        self._tool = Kinematics(whole.robot)
+        self._tool = Kinematics(whole.robot, whole.robot.end_link)
         self._share = min(positive('share', share), 1.0)
         self._heading = heading
         self._felt = np.concatenate([-np.array(gravity_in_base, dtype=float), np.zeros(3)])
@@ -165,6 +165,8 @@ class RotorGovernor:
         linear momentum of the arm [Ns].
         """
         q, dq, _ = motion
+        if self._unknown == 0.0:
+            return 0.0
         lever = cross(self._up, self._tool.position(q) - com)
         velocity = self._tool.position_jacobian(q) @ dq - linear / self.whole.mass
         return self._unknown * float(lever @ velocity)
@@ -228,7 +230,8 @@ class RotorGovernor:
         else:
             raise RejectedInputError(
                 "trajectory rejected, because it turns the drone's heading too far at any speed: "
-                'choose smaller motions about the vertical axis, or raise heading_max'
+                'choose smaller motions about the vertical axis, a larger heading_max or a '
+                'smaller unknown_payload'
             )
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)

@@ -17,7 +17,7 @@ from aerarm_ros.motion.signals import ArmState, Array, TaskReference
 from aerarm_ros.world.base_pose import BasePose
 from aerarm_ros.world.world_law import WorldLaw
 
-_LEAST = 0.2  # [N]; a smaller set force ends the contact
+_LEAST = 0.2  # [N], smallest set force
 _FRICTION_MIN = 0.02  # [Nm]
 _ACROSS, _ACROSS_SHARE = 0.5, 0.2  # expected force across: [N], and relative to the set force
 _RECOIL = 0.03  # [s] for which the reversed force counters that of the rotors after a loss
@@ -266,8 +266,13 @@ class ToolForce:
                 f'tool force of {size:.1f} N is larger than force_max ({most:g} N): reduce it, or '
                 'increase force_max as far as drone and wall permit'
             )
-        if size < _LEAST:
+        if size == 0.0:
             return False
+        if size < _LEAST:
+            raise RejectedInputError(
+                f'tool force of {size:.2g} N is too small to be measured: send {_LEAST:g} N or '
+                'more, or zero to end the contact'
+            )
         direction = vector / size
         if self.is_active and direction @ self.direction < 0.999:
             raise RejectedInputError(

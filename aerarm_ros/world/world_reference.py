@@ -326,7 +326,7 @@ class WorldToolReference:
         """Return the planned motion at times (M,) [s], None while the arm is stopped.
 
         The plan is only the goal's own motion. The plan excludes the base's motion, the tool's
-        return to its goal, and during a contact the goal's motion along the force.
+        return to its goal, and with a set force the goal's motion along the force.
         """
         if self._goal is None or self.reason:
             return None

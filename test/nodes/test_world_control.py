@@ -40,10 +40,12 @@ def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
             return spin_until(ros_node, lambda: reason in bench.said('world_control'), PATIENCE)
 
         assert reported([np.nan, 0.0, 0.0], 'odom', 'three finite numbers')
+        assert reported([0.1, 0.0, 0.0], 'odom', 'too small')
+        assert reported([0.0, 2.0, 0.0], 'odom', 'the direction cannot change')
         assert reported([5.0, 0.0, 0.0], 'nowhere', "'nowhere'")
-        done = run('arm', 'press', '0', '2', '0', '--timeout', '60')
+        done = run('arm', 'press', '0', '5', '0', '--timeout', '60')
         assert done.returncode == 1
-        assert 'the direction cannot change' in done.stderr
+        assert "of the rotors' range" in done.stderr
         done = run('arm', 'press', '4', '0', '0', '--timeout', '60')
         assert (done.returncode, 'the tool presses with' in done.stdout) == (0, True), done.stderr
         # The contact has continued.
@@ -53,3 +55,4 @@ def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
         assert run('arm', 'press', '0', '0', '0', '--timeout', '60').returncode == 0
         bench._seen(0.5)
         assert bench._force == 0.0
+        assert bench.said('world_control') == 'in order'

@@ -64,6 +64,15 @@ def test_no_motion_within_turn_max_exceeds_the_limit() -> None:
     assert fed.turn_max == pytest.approx(2.0 * control.turn_max)
 
 
+def test_the_momentum_of_an_unknown_payload_is_not_fed_forward() -> None:
+    fed, unfed = HeadingControl(LIMIT, 4.0, is_fed=True), HeadingControl(LIMIT, 4.0)
+    most = np.full(len(TIMES), 10.0)
+    momentum, inertia = 0.02 * np.sin(3.0 * TIMES), np.full(len(TIMES), 0.2)
+    carried = fed.excursion(TIMES, 0.0 * momentum, inertia, -most, most, momentum)
+    assert carried > 0.01
+    assert carried == unfed.excursion(TIMES, momentum, inertia, -most, most)
+
+
 @pytest.mark.parametrize('values', [(0.0, 2.0), (LIMIT, 0.0), (np.nan, 2.0)])
 def test_invalid_numbers_are_rejected(values: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match='positive'):

@@ -209,6 +209,21 @@ def test_an_arm_that_may_carry_an_unknown_payload_moves_slower() -> None:
         for mass in (0.0, 0.2)
     ]
     assert durations[1] > 1.05 * durations[0], durations
+    heading = HeadingControl(LIMIT)
+    factors = [governor_of(drone, 0.7, heading, mass).slowdown(motion) for mass in (0.0, 0.2)]
+    assert factors[1] > 1.05 * factors[0], factors
+
+
+def test_an_arm_without_tool0_is_governed() -> None:
+    drone = load_drone_config()
+    robot = load_robot(
+        resource('config', 'examples', 'six_joints.urdf'), gravity_in_base=drone.gravity_in_base
+    )
+    whole = WholeBodyDynamics(robot, 0.0, carrier_parameters(drone))
+    heading = HeadingControl(LIMIT)
+    governor = RotorGovernor(whole, drone, drone.gravity_in_base, 1.0, heading, 0.2)
+    *_, carried = governor._row(JointReference(np.full(6, 0.3), np.ones(6), np.zeros(6)))
+    assert carried != 0.0
 
 
 def test_a_reaction_is_limited_only_if_it_lasts(drone: DroneConfig) -> None:

@@ -13,6 +13,7 @@ from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.simulation.wall import Wall, WallParameters
 from aerarm_ros.world.rotor_governor import RotorGovernor
 from aerarm_ros.world.tool_force import Phase, ToolForce, ToolForceObserver
+from aerarm_ros.world.world_reference import WorldPath
 
 Array = npt.NDArray[np.float64]
 ALONG = np.array([1.0, 0.0, 0.0])
@@ -122,12 +123,32 @@ def test_a_force_beyond_the_rotors_is_rejected() -> None:
     assert flight.force.is_active
 
 
+def test_the_plan_has_no_motion_along_the_force() -> None:
+    flight = PressingFlight(1e4)
+    flight.run(1.5)
+    times = flight.now + np.array([0.0, 1.0, 2.0])
+    places = flight.source.goal + np.outer([0.0, 0.01, 0.03], [1.0, 1.0, 0.0])
+    flight.source.follow(WorldPath(times - flight.now, places), flight.now, flight.now)
+    flight.source.push(5.0 * ALONG, flight.now)
+    for free, planned in zip(
+        [flight.source._goal.at(time) for time in times], flight.source.ahead(times), strict=True
+    ):
+        np.testing.assert_allclose([planned.dp[0], planned.ddp[0]], 0.0, atol=1e-12)
+        np.testing.assert_allclose(planned.dp[1:], free.dp[1:])
+        np.testing.assert_allclose(planned.ddp[1:], free.ddp[1:])
+    assert abs(planned.dp[1]) > 1e-3
+
+
 def test_wrong_forces_are_rejected() -> None:
     flight = PressingFlight(1e4)
     with pytest.raises(RejectedInputError, match='not held in the world'):
         flight.source.push(5.0 * ALONG, 0.0)
     flight.run(1.5)
-    for force, reason in (([np.nan, 0.0, 0.0], 'finite'), ([30.0, 0.0, 0.0], 'force_max')):
+    for force, reason in (
+        ([np.nan, 0.0, 0.0], 'finite'),
+        ([30.0, 0.0, 0.0], 'force_max'),
+        ([0.1, 0.0, 0.0], 'too small'),
+    ):
         with pytest.raises(RejectedInputError, match=reason):
             flight.source.push(force, flight.now)
     far = flight.source._reach

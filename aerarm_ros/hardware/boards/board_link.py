@@ -260,8 +260,7 @@ class BoardLink:
             command.integral_gain[channel] = motor.integral_gain
             saturation = self._saturation[channel]
             if motor.current_max < saturation:
-                # At least the smallest value that the frame does not round to 0, because 0 would
-                # mean no limit.
+                # Not 0, which would mean no limit.
                 saturation = min(saturation, max(motor.current_max, _SATURATION_MIN))
             command.current_saturation[channel] = saturation
 

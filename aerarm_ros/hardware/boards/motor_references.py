@@ -373,7 +373,7 @@ class MotorReferences:
     def gains(self) -> list[tuple[float, float]]:
         """Kp [A/rad] and Kd [A s/rad] that the boards use at present, one pair per motor.
 
-        Both gains are zero while the joint is controlled by torque.
+        While the joint is controlled by torque, Kp is zero, and Kd is the damping near a limit.
         """
         return [(motor.kp, motor.kd) for motor in self.motors]
 

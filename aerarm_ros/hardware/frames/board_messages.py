@@ -27,7 +27,7 @@ class BoardCommand:
     position_rollover_error
         Whether the board stops with an error when a position leaves the range of its frame field.
     index_offset_compensation
-        Whether the position is reset at the encoder's index pulse; not used outside homing.
+        Whether the position is reset at the encoder's index pulse; the bridge does not use this.
     timeout
         Time without a valid frame after which the board stops [s]; never 0.
     position, velocity, current

@@ -18,7 +18,7 @@ class CommandBuffer:
     """Joint command of n joints; NaN marks an unused quantity.
 
     In contrast to the `JointCommand` of a controller, each joint may use other quantities, and
-    the arrays are reused: each cycle overwrites them with accepted and limited references. The
+    the arrays are reused: each received command overwrites them. The
     quantities given for a joint determine its mode. Effort alone means torque control. Velocity
     alone means the boards' PI velocity loop (thesis (4.5)). Position with velocity and effort
     means the boards' full law (4.4) with feed-forward.
@@ -169,7 +169,8 @@ class CommandPublishers:
 
 # Reasons for rejecting a command, and what to check.
 REJECTIONS: dict[str, str] = {
-    'unreadable': 'not a JointState message: check its publisher, and the ROS version',
+    'unreadable': 'not a JointState message, or too long for this arm: check its publisher, and '
+    'the ROS version',
     'not_ready': 'the arm is not ready: enable it (home it if arm_mode is unhomed), or clear its '
     'fault',
     'not_allowed': 'the publisher is not in allowed_publishers: check this parameter of the bridge',

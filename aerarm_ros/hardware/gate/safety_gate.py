@@ -326,7 +326,7 @@ class SafetyGate:
             self._slow(overwhelmed, max(interval))
 
     def _slow(self, overwhelmed: int, interval: float) -> None:
-        """Lower all speed limits for one `interval` [s] if a drive cannot brake its joint.
+        """Lower the speed limits of other joints for one `interval` [s] if a drive cannot brake.
 
         An example: in an arm with payload, joint 1 at full speed loads joint 2 outward with more
         torque than the drive of joint 2 has.

@@ -76,7 +76,7 @@ def at_rest(dq: Array) -> npt.NDArray[np.bool_]:
 class Samples:
     """Conditioned motion of one bag, sampled at a fine and at a coarse rate.
 
-    Arrays named `fine`, sampled at a hundred times the cut-off or more, keep the steps of dry
+    Arrays named `fine`, usually sampled at a hundred times the cut-off, keep the steps of dry
     friction in place. Arrays without `fine` in the name, sampled at five times the cut-off, are
     used for the fit.
 
@@ -200,7 +200,7 @@ class UniformMotion:
     dt : float
         Sampling time [s].
     time : (M,) ndarray
-        Time [s] since the recording's start.
+        Time [s] since the start of the bag.
     q, tau : (M, n) ndarray
         Joint positions [rad] and torques [Nm].
     dq : (M, n) ndarray or None

@@ -35,7 +35,7 @@ class FrictionDeviations:
     speeds : (n, K) ndarray
         Speeds in ascending order up to the top speed of the motion [rad/s].
     loads : (n,) ndarray
-        RMS torque on the links of each joint [Nm], at which load-dependent friction is evaluated.
+        Median torque on the links per joint [Nm], at which load-dependent friction is evaluated.
     torques : (n, K) ndarray
         Standard deviations of the friction torques [Nm].
     """
@@ -114,7 +114,7 @@ _HEADER = """\
 # recordings determine only a sum of parameters (base_parameters), the CAD values determine the
 # single parameters.
 # friction_deviations: standard deviations of each joint's friction torque without offset, at
-# increasing speeds, for the RMS torque on the joint's links (loads).
+# increasing speeds, for the median torque on the joint's links (loads).
 # base_parameters: the sums of parameters on which the torque depends and which the recordings
 # determine, with standard deviations from the recordings alone.
 """

@@ -1,4 +1,4 @@
-"""Choice of the cut-off and the kinematics filter that predict held-out recorded torque best."""
+"""Choice of effort delay, gravity tilt, cut-off and kinematics filter by held-out torque."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -244,7 +244,7 @@ def candidate_terms() -> tuple[JointTerm, ...]:
 def select_terms(
     validation: CrossValidation, start: Sequence[Sequence[JointTerm]]
 ) -> tuple[tuple[tuple[JointTerm, ...], ...], list[Comparison]]:
-    """Choose the friction and rotor terms of every joint by cross-validation.
+    """Choose the friction terms of every joint by cross-validation.
 
     Each joint goes through three steps before the next joint. First the reversal of dry
     friction (velocity width or build-up distance) and its dependence on load are chosen. Then

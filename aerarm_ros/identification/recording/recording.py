@@ -93,6 +93,7 @@ class DesiredVelocity:
 RUNNING = 'running'
 """Mode in which the bridge follows commands."""
 
+# An encoder count of a coarse drive is about 1e-4 rad; smaller changes are not motion.
 _SMALLEST_MOTION = 1e-3  # [rad] within which a joint counts as resting
 _MARGIN = 0.5  # [s] kept at both ends of a motion, for the filters' transients
 _LONGEST_PAUSE = 0.5  # [s] longest time between two commands of one motion
@@ -218,7 +219,7 @@ def _longest_travel(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice
     travel = [_travel(q[run]) for run in runs]
     if not travel or max(travel) < _SMALLEST_MOTION:
         return None
-    others = f', the fastest of {len(runs)}' if len(runs) > 1 else ''
+    others = f', the longest motion of {len(runs)}' if len(runs) > 1 else ''
     return runs[int(np.argmax(travel))], reason + others
 
 
@@ -227,7 +228,6 @@ def _travel(q: Array) -> float:
     return float(np.nansum(np.abs(np.diff(thinned, axis=0))))
 
 
-# An encoder count of a coarse drive is about 1e-4 rad; smaller changes are not motion.
 # [rad] or [m] tolerated motion of a locked joint: a locked joint yields, and fingers close
 # slightly
 _LOCKED_MOTION = 0.05

@@ -116,7 +116,7 @@ class Estimate:
     def physically_consistent(self) -> bool:
         """Whether the parameters are possible for real links and joints.
 
-        Every pseudo-inertia matrix is positive semidefinite (also for zero mass), and friction and
+        Every pseudo-inertia matrix is positive semidefinite, masses are positive, and friction and
         rotor inertia are non-negative.
         """
         joint_values = self.theta[10 * self.model.n :]

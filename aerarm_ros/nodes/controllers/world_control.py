@@ -33,6 +33,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
 from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.tool_topics import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.ros.controllers.world_topics import WorldTopics
+from aerarm_ros.ros.diagnostics import TOOL_FORCE, TOOL_FORCE_PHASE
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.flight_stream import to_odometry_sample
@@ -262,8 +263,8 @@ class WorldControlNode(ControllerNode):
             'smallest singular value [m/rad]': round(self.law.least_singular_value, 4),
         }
         if (pusher := self.reference.force) is not None:
-            values['tool force'] = pusher.phase.value
-            values['tool force [N]'] = round(pusher.force, 2)
+            values[TOOL_FORCE_PHASE] = pusher.phase.value
+            values[TOOL_FORCE] = round(pusher.force, 2)
         if margin is not None:
             values['drone may move [mm]'] = round(1e3 * margin.least)
             values['time to end of reach [s]'] = round(margin.time, 1)

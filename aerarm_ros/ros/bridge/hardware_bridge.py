@@ -175,7 +175,8 @@ class HardwareBridge(LifecycleNode):
 
     Configuring opens the SPI buses, activating starts the cycle, deactivating switches the motors
     off. The cycle runs in the thread that calls `run`, all other work in the executor's thread. The
-    threads share only the queue of requests and finished results.
+    threads share the queue of requests, finished results, parameter values and the table of command
+    publishers.
 
     Parameters
     ----------

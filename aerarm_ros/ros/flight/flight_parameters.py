@@ -134,7 +134,7 @@ FLIGHT_PARAMETERS = (
         Parameter(
             'feed_lead', 0.028, (
                 "delay from a sensor sample to the rotors' response; the preview time `lead` of "
-                'base_reaction must be at least this large'
+                'base_reaction must be at least 17 ms larger'
             ), 's', 0.0,
             0.08, live=True,
         ),

@@ -510,6 +510,7 @@ class PayloadRun(IdentifierRun):
                 harmonics=options.harmonics,
                 cutoff=options.cutoff,
                 filter=options.filter,
+                exact_stamps=options.exact_stamps,
             )
             deviation = gain_deviation(options)
             payload = weigh_payload(robot, estimate, recordings, conditioning, deviation)

@@ -115,7 +115,8 @@ def _press(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     request = PressRequest(node)
 
     def ask() -> None:
-        print(request.press((options.x, options.y, options.z), options.timeout), flush=True)
+        force = options.x, options.y, options.z
+        print(request.press(force, options.timeout, _say_wait), flush=True)
 
     return ask
 

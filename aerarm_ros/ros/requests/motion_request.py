@@ -19,7 +19,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.hardware.bridge_modes import HELD, to_switch_on
 from aerarm_ros.motion.signals import JointMotion
-from aerarm_ros.ros.diagnostics import rejection
+from aerarm_ros.ros.diagnostics import TOOL_FORCE, TOOL_FORCE_PHASE, rejection
 from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
@@ -401,11 +401,12 @@ class ToolRequest(_MotionRequest):
         self._pose = message
 
 
-_FORCE_TOLERANCE = 0.05  # of the set force, with which it counts as reached
+_NO_CONTACT, _CONTACT = 'none', 'contact'  # values of world_control's `Phase`
+_FORCE_TOLERANCE = 0.5  # [N] with which the estimated force counts as reached
 
 
 class PressRequest(_MotionRequest):
-    """Press the tool on a wall: publish a force, and wait until `world_control` has reached it.
+    """Press the tool on a wall: publish a force, and wait until `world_control` measures it.
 
     Parameters
     ----------
@@ -417,46 +418,79 @@ class PressRequest(_MotionRequest):
 
     def __init__(self, node: Node) -> None:
         super().__init__(node)
-        self._pressed = 0.0  # planned force [N]
-        self._listen(topics.PLANNED_CONTACT, self._on_contact)
+        self._reports = 0
+        self._phase, self._force, self._text = '', 0.0, ''
+        self._rejected, self._reason = 0, ''
+        self._listen(topics.DIAGNOSTICS, self._on_diagnostics)
 
-    def press(self, force: Sequence[float], timeout: float) -> str:
+    def press(
+        self,
+        force: Sequence[float],
+        timeout: float,
+        on_wait: Callable[[str], None] = lambda _: None,
+    ) -> str:
         """Publish a force (3,) on the wall in the world frame [N], and return the result.
 
         Parameters
         ----------
         timeout
             Longest time to find `world_control`, and again for approach and rise of the force [s].
+        on_wait
+            Called with a description of the missing node.
 
         Raises
         ------
         ArmClientError
             If `world_control` does not run, rejects the force, or does not reach it.
         """
-        found = self._publisher.get_subscription_count
-        if not spin_until(self._node, lambda: found() and self._mode, timeout):
-            raise ArmClientError(
-                f'no controller accepts a tool force: start a bridge and world_control in '
-                f'{this_domain()}'
-            )
-        self._require_held()
-        self._rejections.begin(timeout)
+        self._find(timeout, on_wait)
         message = WrenchStamped()
         f = message.wrench.force
         f.x, f.y, f.z = (float(x) for x in force)
+        before, rejected, wanted = self._reports, self._rejected, float(np.linalg.norm(force))
         self._publisher.publish(message)
-        wanted = float(np.linalg.norm(force))
-        if wanted == 0.0:
-            self._wait(lambda: False, _REPORT)
-            return 'the contact has ended'
-        tolerance = _FORCE_TOLERANCE * wanted
-        if not self._wait(lambda: abs(self._pressed - wanted) <= tolerance, timeout):
-            raise ArmClientError(
-                f'the tool does not press with {wanted:g} N after {timeout:g} s: check the log '
-                'of world_control, and the distance of the wall'
-            )
-        return f'the tool presses with {self._pressed:.1f} N'
 
-    def _on_contact(self, message: WrenchStamped) -> None:
-        f = message.wrench.force
-        self._pressed = float(np.linalg.norm([f.x, f.y, f.z]))
+        def ended() -> bool:
+            # The first report may be older than the force.
+            if self._rejected > rejected or self._reports < before + 2:
+                return self._rejected > rejected
+            reached = abs(self._force - wanted) <= _FORCE_TOLERANCE
+            return self._phase == _NO_CONTACT or self._phase == _CONTACT and reached
+
+        in_time = spin_until(self._node, ended, timeout)
+        if self._rejected > rejected:
+            raise ArmClientError(rejection(self._reason))
+        if wanted == 0.0 and self._phase == _NO_CONTACT:
+            return 'the contact has ended'
+        if self._phase == _NO_CONTACT:
+            raise ArmClientError(self._text)
+        if not in_time:
+            raise ArmClientError(
+                f'the estimated force is {self._force:.1f} N after {timeout:g} s, in the phase '
+                f"'{self._phase}': check the wall; arm press 0 0 0 ends the motion"
+            )
+        return f'the tool presses with {self._force:.1f} N'
+
+    def _find(self, timeout: float, on_wait: Callable[[str], None]) -> None:
+        """Wait until `world_control` subscribes to forces and publishes diagnostics."""
+
+        def is_there() -> bool:
+            return bool(self._publisher.get_subscription_count() and self._reports and self._mode)
+
+        if not spin_until(self._node, is_there, min(timeout, _REPORT)):
+            on_wait(f'world_control in {this_domain()}')
+            if not spin_until(self._node, is_there, timeout):
+                raise ArmClientError(
+                    f'no controller accepts a tool force: start a bridge and world_control in '
+                    f'{this_domain()}, with an observer_gain above 0'
+                )
+        self._require_held()
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            if TOOL_FORCE_PHASE in values:
+                self._reports += 1
+                self._phase, self._text = values[TOOL_FORCE_PHASE], status.message
+                self._force = float(values[TOOL_FORCE])
+                self._rejected, self._reason = int(values[_COUNT]), values[_REASON]
