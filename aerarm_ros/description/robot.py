@@ -73,9 +73,10 @@ class Robot:
 
     @cached_property
     def end_link(self) -> str:
-        """Name of the last link of the URDF, usually the tool."""
-        bodies = [f for f in self.model.frames if f.type == pin.FrameType.BODY]
-        return str(bodies[-1].name)
+        """Name of the tool's link: tool0, or the last link of a URDF without tool0."""
+        names = [str(f.name) for f in self.model.frames if f.type == pin.FrameType.BODY]
+        tool = self.full_name('tool0')
+        return tool if tool in names else names[-1]
 
     def full_name(self, name: str) -> str:
         """Return the prefixed name of a link or joint, given with or without prefix."""

@@ -12,6 +12,8 @@ from aerarm_msgs_py import topics
 
 PERIOD = 1.0
 """Period of the diagnostics of a node [s]."""
+TOOL_FORCE_PHASE, TOOL_FORCE = 'tool force', 'tool force [N]'
+"""Keys of phase and estimated force in the status of `world_control`."""
 
 
 def rejection(reason: str) -> str:

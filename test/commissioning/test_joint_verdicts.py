@@ -111,7 +111,7 @@ def test_friction_and_current_of_a_manufactured_arm_pass(friction):
         (driven(friction=0.5), 'friction is 0.500 Nm, but the configuration states 0.122 Nm'),
         (driven(span=0.1), 'did not move at 0.85 Nm. Possible causes: too much friction'),
         (driven(span=27.0 * 0.24, joint=3), ('did not move the joint; joint4 moved instead')),
-        (driven(speed=-0.15), 'ran at -0.15 and +0.15 rad/s instead of +0.15 and -0.15'),
+        (driven(speed=-0.15), 'moved at -0.15 and +0.15 rad/s instead of +0.15 and -0.15'),
         (
             driven(phase='failed', reason='board1: error 6'),
             'the motor was not driven (board1: error 6',

@@ -82,7 +82,7 @@ def test_without_a_configuration_the_offsets_are_in_the_urdf(
         ('few', (), 'only 4 postures have measurements'),
         ('', ('--link', 'wing'), 'link wing (--link) is unknown'),
         ('', ('--holdout', '2'), '--holdout 2 is invalid: pass a fraction'),
-        ('none', (), 'check the path'),
+        ('none', (), 'check its path'),
         ('nan', (), 'row 3 has no position of joint joint2'),
         ('empty', (), 'must name the columns'),
         ('time', (), 'the time of row 102 is not after the time of row 101'),

@@ -30,7 +30,7 @@ sys.exit(arm())
 @pytest.mark.parametrize(
     ('arguments', 'told'),
     [
-        ([], 'executables: no command is given: choose one of arm, base_reaction'),
+        ([], 'executables: the command is missing: choose one of arm, base_reaction'),
         (['fake_hardwar'], "executables: 'fake_hardwar' is not a command: choose one of arm, "),
     ],
 )

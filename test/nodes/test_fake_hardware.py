@@ -41,7 +41,7 @@ def test_publishes_states_of_all_joints_and_motors_with_the_system_time(
     client.wait_for(lambda: client.diagnosed > 0.0)
     now = time.time()
     assert [stamps[-1], client.diagnosed] == pytest.approx([now, now], abs=20.0)
-    assert process.tail(50).count('use_sim_time is ignored') == 1
+    assert process.tail(50).count('use_sim_time has no effect') == 1
 
 
 @pytest.mark.pace('real_time')

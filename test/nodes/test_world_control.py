@@ -55,4 +55,4 @@ def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
         assert run('arm', 'press', '0', '0', '0', '--timeout', '60').returncode == 0
         bench._seen(0.5)
         assert bench._force == 0.0
-        assert bench.said('world_control') == 'in order'
+        assert spin_until(ros_node, lambda: bench.said('world_control') == 'in order', PATIENCE)

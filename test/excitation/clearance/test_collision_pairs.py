@@ -65,7 +65,7 @@ def test_links_that_overlap_for_good_are_refused(robot: Robot) -> None:
     shape = '<geometry><cylinder radius="0.012" length="0.046"/></geometry>'
     assert shape in robot.urdf_text
     huge = robot.urdf_text.replace(shape, '<geometry><sphere radius="2.0"/></geometry>')
-    with pytest.raises(ExcitationError, match='overlaps in every posture: check the collision'):
+    with pytest.raises(ExcitationError, match='overlaps in every posture: check sizes'):
         ClearanceChecker(load_robot(huge))
 
 

@@ -33,7 +33,7 @@ def test_two_bridges_warn_of_each_other(
     client.wait_for_mode('idle')
     assert 'publishers' not in bridge.tail()
     text = '/joint_states has 2 publishers, /fake_hardware and /other: stop all but one'
-    clocks = '/clock has 2 publishers, /fake_hardware and /other, each with its own time'
+    clocks = '/clock has 2 publishers, /fake_hardware and /other, each with a different time'
     rename = ('--ros-args', '-r', '__node:=other')
     keep_up = {'pace': 'keep_up'}
     with NodeProcess('fake_hardware', rename, keep_up, log=tmp_path / 'other') as other:

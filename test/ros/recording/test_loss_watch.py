@@ -60,7 +60,7 @@ def test_losses_from_another_host_without_local_delay_are_attributed_to_the_netw
         pass_for(watch, begin, 10, disk=9)
     gap(watch, '/a', 5, 100, 106, far=True)
     (text,) = watch.news()
-    assert 'cause: link: the network between both hosts lost them' in text
+    assert 'cause: link: the network between both hosts lost messages' in text
 
 
 def test_a_pause_shorter_than_the_queue_does_not_explain_a_loss() -> None:
