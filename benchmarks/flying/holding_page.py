@@ -1,4 +1,4 @@
-"""Page with plots and a replay of flights with the tool held in the world."""
+"""Page with plots and replays of flights with the tool held in the world or on a wall."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +21,7 @@ PUSH_COLUMNS = (
 )  # fmt: skip
 COLUMNS = 'flight', 'tool RMS [mm]', 'largest', 'drone RMS [mm]', 'largest', 'goal [mm]', 'status'
 _THINNED = 8
-_REPLAYED = 'tool at rest'
+_REPLAYED, _REPLAYED_PUSH = 'tool at rest', 'push and slide, 1e3 N/m'
 
 
 def write_page(
@@ -77,7 +77,7 @@ def _pushes(pushes: Mapping[str, PushingRecord | str]) -> list[Html]:
     flown = {name: x for name, x in pushes.items() if isinstance(x, PushingRecord)}
     flights = {name: record.flight for name, record in flown.items()}
     forces = {name: record.forces for name, record in flown.items()}
-    shown = {name: _flight(flights[name]) for name in list(flown)[-3:-2] or list(flown)[:1]}
+    shown = {name: _flight(flights[name]) for name in (_REPLAYED_PUSH,) if name in flown}
     rows = [_push_row(*item) for item in pushes.items()]
     parts = [section('Force on a wall', table(PUSH_COLUMNS, rows, []))]
     if flown:
