@@ -1,4 +1,4 @@
-"""Choice of the postures of a calibration by D-optimality."""
+"""Choice of calibration postures by D-optimality (largest determinant of the information)."""
 
 from __future__ import annotations
 
@@ -110,7 +110,9 @@ def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callabl
     """
     length = float(np.linalg.norm(normal))
     if length == 0.0:
-        raise CalibrationError('the normal of the marker is 0 0 0: give a direction')
+        raise CalibrationError(
+            'the normal of the marker is 0 0 0: pass a vector of non-zero length'
+        )
     errors = np.zeros(len(geometry.names))
 
     def is_visible(q: Array) -> bool:
@@ -148,7 +150,7 @@ def _candidates(
 
 
 def _assumed(geometry: ArmGeometry, q: Array) -> Fit:
-    """Return a fit of the nominal arm in the postures q, with three assumed markers on the link."""
+    """Return a fit without errors, for the nominal arm with three assumed markers on the link."""
     names = ('a', 'b', 'c')
     source = MarkerSource('mocap', names, np.zeros((len(q), len(names), 3)))
     state = np.concatenate([np.eye(3).ravel(), np.zeros(3), np.ravel(_PLACES)])
@@ -194,7 +196,7 @@ def _log_determinant(matrix: Array) -> float:
 
 
 def _shortest_way(q: Array, start: Array | None) -> list[int]:
-    """Return an order of the postures in which the nearest remaining posture always comes next."""
+    """Return an order of the postures: each posture is followed by the nearest remaining one."""
     left = list(range(len(q)))
     at = q[0] if start is None else start
     order = []
