@@ -59,7 +59,7 @@ def test_validation_postures_are_checked_too(good: Observations) -> None:
     swapped[4, [0, 2]] = swapped[4, [2, 0]]
     for position, fault in (
         (swapped, 'markers marker1 and marker3 are swapped'),
-        (1e3 * positions(good), 'they look like millimetres'),
+        (1e3 * positions(good), 'positions look like millimetres'),
     ):
         with pytest.raises(CalibrationError, match=fault):
             calibrate(own_chain(), good, [HeldOut('other day', changed(good, position))])
@@ -142,7 +142,7 @@ def test_validation_without_a_source_names_it(good: Observations) -> None:
     with pytest.raises(CalibrationError) as error:
         calibrate(own_chain(), both, [HeldOut('other', good)])
     assert str(error.value) == (
-        'postures other have no measurements of table: add measurements, or pass --ignore table'
+        'the held-out postures other have no measurements of table: add measurements, or pass --ignore table'
     )
 
 

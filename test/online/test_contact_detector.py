@@ -196,7 +196,7 @@ def test_a_contact_before_a_long_gap_ends_before_it(
 def test_states_lost_in_bursts_are_reported(run: CarryingRun, quiet: ContactDetector) -> None:
     motion = at_rest(run, 0.6)
     kept = np.arange(len(motion.time)) % 9 < 4
-    assert 'too many states are lost' in play(quiet, thinned(motion, kept)).problem
+    assert 'too many joint states are lost' in play(quiet, thinned(motion, kept)).problem
     assert play(quiet, replace(motion, time=motion.time + 10.0)).problem == ''
 
 
