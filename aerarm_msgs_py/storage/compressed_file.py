@@ -137,7 +137,7 @@ _COPIED_PIECE = 2**20  # bytes
 
 
 class BagFile(Protocol):
-    """Interface of the readers of bag files."""
+    """Interface that the readers of bag files implement."""
 
     @property
     def types(self) -> dict[str, str]:

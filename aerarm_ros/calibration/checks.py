@@ -202,7 +202,7 @@ def _check_distances(names: Sequence[str], positions: Array, labels: Sequence[st
 
 
 def check_misfit(fit: Fit) -> None:
-    """Check that the URDF matches the arm, that no marker jumps, and that no two are swapped.
+    """Check that the URDF matches the arm, and that no markers jump or are swapped.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ _GAIN = 0.5  # standard errors by which a larger model must predict better
 _LEAST_GAIN = 0.015  # fraction by which the prediction errors of a larger model must be smaller
 
 LEVELS = {'frames': (), 'offsets': ('offset',), 'geometry': ('offset', *LINK_GEOMETRY)}
-"""Kinds of geometric errors at each level of a calibration."""
+"""Kinds of geometric errors that a calibration estimates, by the option `level`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +214,7 @@ def _models(
 
 
 def insignificant(fit: Fit) -> list[int]:
-    """Return the free errors within 1.4 standard deviations of zero, the least significant first.
+    """Return the estimated errors within 1.4 standard deviations of zero, the smallest first.
 
     After each removal the remaining errors are updated as in a fit without the removed error.
     """

@@ -198,7 +198,7 @@ def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuRe
     if agreement < 0.5:
         raise CalibrationError(
             'the rotations of IMU and drone disagree: check that --imu and --drone-pose belong '
-            'to one drone, and that it turns by 20 degrees about two axes'
+            'to one drone, and that the drone turns by 20 degrees about two axes'
         )
     own_time = time - late
     first, last = max(own_time[0], drone.time[0]) + 0.3, min(own_time[-1], drone.time[-1]) - 0.3

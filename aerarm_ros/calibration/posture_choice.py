@@ -141,10 +141,12 @@ def _candidates(
         if is_allowed(posture) and (is_visible is None or is_visible(posture)):
             found.append(posture)
     if len(found) < 2 * count:
-        camera = ", the camera position and the marker's normal" if is_visible else ''
+        advice = 'check the clearances and the ground'
+        if is_visible:
+            advice = "check the clearances, the ground, the camera position and the marker's normal"
         raise CalibrationError(
             f'only {len(found)} of {tried} random postures are free of collisions and visible: '
-            f'check the clearances and the ground{camera}, or request fewer than {count} postures'
+            f'{advice}, or request fewer than {count} postures'
         )
     return np.array(found)
 

@@ -333,7 +333,7 @@ class DroneConfig:
         if moment > largest:
             raise ConfigError(
                 f'drone: inertia = {list(self.inertia)} has the principal moment {moment:.3g} kg '
-                f'm^2, but {self.mass:g} kg within the extent of body and rotors can have at most '
+                f'm^2, but {self.mass:g} kg within the extent of body and rotors have at most '
                 f'{largest:.3g} kg m^2; check the unit [kg m^2], mass, size and rotors'
             )
 

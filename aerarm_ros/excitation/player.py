@@ -124,7 +124,7 @@ class ExcitationPlayer:
         self.fault: str | None = None
         """Reason why the motion was aborted, None if it was not."""
         self.path_time = 0.0
-        """Time along the motion at the last state [s]."""
+        """Time in the motion at the last measured state [s]."""
         self.largest_error = np.zeros(len(self._joint_names))
         """Largest tracking error |q_d - q| so far (n,) [rad]."""
 

@@ -292,8 +292,8 @@ class Preview:
                                                             'base frame, and the covered '
                                                             'fraction of each joint range.'),
             ('Excitation of each parameter', [self._deviations()], 'Expected standard deviation '
-                                                                   'of each parameter, for its '
-                                                                   'identifiable part, after one '
+                                                                   'of the identifiable part of '
+                                                                   'each parameter, after one '
                                                                    'period at 1 kHz with white '
                                                                    'torque noise. Smaller is '
                                                                    'better. A parameter without '

@@ -211,7 +211,7 @@ class ResidualTrend:
 
 
 def residual_trend(bag: SampleColumns, assessed: BagAssessment) -> ResidualTrend:
-    """Estimate the change of friction and torque offset during a bag, from its torque residual.
+    """Estimate the change of friction and torque offset in a bag, from the torque residual.
 
     Parameters
     ----------

@@ -217,7 +217,7 @@ def _weigh(
 def _fitted(
     arm: _Arm, bags: Sequence[SampleColumns], noises: Sequence[Noise | None]
 ) -> tuple[Array, _Residual, Prior]:
-    """Fit the payload once with each noise; None selects the residual noise of the previous fit."""
+    """Fit the payload once per noise; None selects the noise of the previous fit's residuals."""
     carried = np.zeros(10)
     for noise in noises:
         residual = _residual(arm, bags, carried, noise or _noise(arm, bags, carried))
@@ -328,7 +328,7 @@ def calibrate_gains(
     mass: float,
     deviation: float,
 ) -> GainCalibration:
-    """Estimate torque constants from motion with a known mass; its centre may be unknown.
+    """Estimate torque constants from motion with a known mass, whose centre may be unknown.
 
     The arm was identified with the same constants, so the residual torque of joint j equals the
     payload's torque times an unknown factor c_j: `tau_j - Phi_j theta = c_j Y_j pi`, where the

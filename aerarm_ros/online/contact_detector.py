@@ -159,7 +159,7 @@ _UNKNOWN = 1.0  # [s] without states, in which the load may have changed
 
 
 class ContactDetector:
-    """Detects contacts in the external joint torque; distinguishes payloads and model errors.
+    """Detector of contacts in external joint torque, which recognizes payloads and model errors.
 
     In motion, a joint's external torque counts if it exceeds the bound learnt from free motion. If
     all joints rest, static friction can hide a force, but the drives' torque is constant. A change
@@ -472,7 +472,7 @@ class ContactDetector:
 
 
 class _Rest:
-    """Monitors the change of the external torque while all joints rest.
+    """Monitor of changes of the external torque while all joints rest.
 
     The reference is the external torque when the arm came to rest, and follows slow drift. Friction
     relaxes after a motion, so the limit of the change is larger at first.

@@ -269,8 +269,8 @@ class ExternalTorque:
         """
         if recording.dq is None:
             raise IdentificationError(
-                f'{recording.name} has no velocities, which the observer needs: record them with '
-                'the positions'
+                f'{recording.name} has no velocities, which the observer needs: record velocities '
+                'with the positions'
             )
         self.reset()
         window, last = StateWindow(), float(recording.time[0])
@@ -458,7 +458,7 @@ def _tightest(size: Array, features: Array) -> Array:
     )
     if solution.x is None:
         raise IdentificationError(
-            'no thresholds can be learnt from the free motion, because its effort or '
-            'velocity is unusable: record it again'
+            'no thresholds can be learnt from the free motion, because its effort or velocity is '
+            'unusable: record the motion again'
         )
     return np.asarray(solution.x / scale)

@@ -87,7 +87,8 @@ class KnownArm:
         if recording.dq is None:
             raise IdentificationError(
                 f'{recording.name} has no velocities, which the payload estimator needs: record '
-                'them, or estimate the payload with identifier --payload, which differentiates '
+                'velocities, or estimate the payload with identifier --payload, which '
+                'differentiates '
                 'positions'
             )
         tau = recording.tau - self.other_torque(recording.dq)

@@ -142,7 +142,8 @@ def test_validation_without_a_source_names_it(good: Observations) -> None:
     with pytest.raises(CalibrationError) as error:
         calibrate(own_chain(), both, [HeldOut('other', good)])
     assert str(error.value) == (
-        'the held-out postures other have no measurements of table: add measurements, or pass --ignore table'
+        'the held-out postures other have no measurements of table: add measurements, or pass '
+        '--ignore table'
     )
 
 

@@ -97,7 +97,7 @@ WRONG: dict[str, tuple[Document, str]] = {
     ),
     'inertia in kg dm^2': (
         {'inertia': [4.5, 4.5, 8.0, 0, 0, 0]},
-        r'moment 8 kg m\^2, but 3 kg within the extent of body and rotors can have at most',
+        r'moment 8 kg m\^2, but 3 kg within the extent of body and rotors have at most',
     ),
     'off-diagonal too large': ({'inertia': [0.05, 0.05, 0.08, 0.06, 0, 0]}, 'principal moment -'),
     'no inertia about z': ({'inertia': [0.05, 0.05, 0.0, 0, 0, 0]}, 'must be positive'),

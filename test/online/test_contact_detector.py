@@ -434,8 +434,8 @@ def test_thresholds_survive_their_file(run: CarryingRun, bound: ResidualBound) -
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        ({'features': []}, 'is not a bound of residuals'),
-        ({'joint_names': ['a']}, 'belongs to joints'),
+        ({'features': []}, 'contains no thresholds of contact detection'),
+        ({'joint_names': ['a']}, 'contains thresholds for the joints'),
         ({'shares': [[1.0]]}, 'is missing or is not a number'),
         ({'noise': [0.1, 0.1, 0.1, -0.1]}, 'finite and not negative'),
         ({'observer_gain': 0.0}, 'finite and not negative'),

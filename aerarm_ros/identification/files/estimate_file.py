@@ -101,9 +101,9 @@ _HEADER = """\
 # complete friction model in `friction`, including load-dependent friction.
 # (identified.urdf lists load-dependent friction separately.)
 # friction: the complete friction torque at the velocity dq is the sum of three groups of terms:
-#   viscous dq + coulomb s(dq) + load |torque on the links| s(dq)
-#   creep tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2)
-#   forward max(a(dq), 0) + backward min(a(dq), 0)
+#   viscous dq + coulomb s(dq) + load |torque on the links| s(dq);
+#   creep tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2);
+#   forward max(a(dq), 0) + backward min(a(dq), 0).
 # The function s(dq) is tanh(dq / coulomb_width), or sgn(dq) if coulomb_width is 0. If
 # coulomb_distance is not 0, friction builds up after a reversal: s is then the state z of
 # dz = (sgn(dq) - z) |dq| dt / coulomb_distance, and sgn(dq) in steady motion. The function a(dq) is

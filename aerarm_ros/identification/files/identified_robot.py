@@ -198,7 +198,7 @@ _REMAINING = 0.9
 
 @dataclass(frozen=True, eq=False)
 class LoadFriction:
-    """Joint friction with a load-dependent part.
+    """Friction coefficients of a joint, with a load-dependent part.
 
     Attributes
     ----------
@@ -539,7 +539,7 @@ def _add_link(model: ET.Element, own: LinkBody, parent: str | None) -> None:
 
 
 def _add_joint(model: ET.Element, own: LinkBody, parent: str) -> ET.Element:
-    """Add a joint to the model and return it; its frame is that of its child link."""
+    """Add a joint to the model and return the joint; it has the frame of its child link."""
     kind = 'prismatic'
     if own.turns:
         kind = 'revolute' if np.isfinite(own.limits).all() else 'continuous'

@@ -322,9 +322,11 @@ FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
         JointTerm(TermKind.BACKWARD, ASYMMETRY_WIDTH),
     ),
 }
-"""Friction models by name. Each contains viscous and Coulomb friction, rotor inertia and the term
-that its name states. With 'dahl', Coulomb and load-dependent friction build up over an angle after
-a reversal. Names joined by '+' are combined; 'auto' chooses each joint's terms by cross-validation.
+"""Friction models by name.
+
+Each model contains viscous and Coulomb friction, rotor inertia and the term in its name. With
+'dahl', Coulomb and load-dependent friction build up over an angle after a reversal. Models whose
+names are joined by '+' are combined; 'auto' chooses each joint's terms by cross-validation.
 """
 
 # repeated, because the links' parameters determine the load on which friction depends, and vice

@@ -454,7 +454,7 @@ class MotorBench:
             self.warnings.append(
                 f'{drive.name}: backlash {1000.0 * found[0]:.1f} ± {1000.0 * found[1]:.1f} mrad is '
                 'not significant; for a more accurate result choose a posture with a large inertia '
-                'about this joint, in which gravity does not load its gear'
+                'about this joint, in which gravity does not load the gear'
             )
         elif is_largest((backlash, std)):
             self.warnings.append(
@@ -477,7 +477,8 @@ class MotorBench:
         elif np.abs(self._earlier.posture - self._posture).max() > _SAME_POSTURE:
             raise IdentificationError(
                 'the posture of the run without the mass, '
-                f'{self._earlier.posture.round(3).tolist()} rad, differs from this one, '
+                f'{self._earlier.posture.round(3).tolist()} rad, differs from the posture of this '
+                'run, '
                 f'{self._posture.round(3).tolist()} rad: choose the same posture'
             )
 

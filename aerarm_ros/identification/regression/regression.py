@@ -195,7 +195,7 @@ class SampleColumns:
 
 @dataclass(frozen=True, eq=False)
 class TriangularSystem:
-    """Triangular least-squares problem `min ||R theta - z||` that replaces one with many rows.
+    """Triangular problem `min ||R theta - z||`, equivalent to least squares with many rows.
 
     Attributes
     ----------

@@ -246,7 +246,7 @@ def solve_annealing(problem: ThesisProblem, seed: int = 0, sweeps: int = _SWEEPS
 
 
 class _Search:
-    """Chains of Metropolis moves, with residuals updated by one column per move."""
+    """Chains of simulated annealing; each Metropolis move changes one parameter."""
 
     def __init__(self, problem: ThesisProblem, random: np.random.Generator) -> None:
         self._problem = problem
