@@ -1,4 +1,4 @@
-"""Receivers of serialized messages, by a wait set or an executor, which count lost messages."""
+"""Receivers of serialized messages, with a wait set or an executor, and with loss counters."""
 
 import ctypes
 from collections import deque
@@ -28,7 +28,7 @@ _ARRAY_CALLS = (
 
 
 class _Allocator(ctypes.Structure):
-    """C struct `rcutils_allocator_t`: four function pointers and a state."""
+    """C struct `rcutils_allocator_t`: four function pointers and a pointer to a state."""
 
     _fields_ = [('functions', ctypes.c_void_p * 4), ('state', ctypes.c_void_p)]
 
@@ -60,7 +60,7 @@ class _MessageInfo(ctypes.Structure):
 
 
 class IdentifiedTake:
-    """Receiver of messages, each with the identifier of its publisher.
+    """Receiver that returns each message with the identifier of the message's publisher.
 
     The message info of rclpy lacks the publisher, so this class calls the C library rcl. Each
     publisher numbers its own messages; without the publisher, lost messages cannot be counted
@@ -88,7 +88,7 @@ class IdentifiedTake:
 
     @staticmethod
     def available() -> bool:
-        """Return whether the installed ROS has the required functions and known struct layouts."""
+        """Return whether the installed ROS has the required C functions and struct layouts."""
         try:
             rcl, arrays = ctypes.PyDLL('librcl.so'), ctypes.PyDLL('librcutils.so')
             jazzy = version('rclpy').startswith('7.1.')
@@ -101,7 +101,7 @@ class IdentifiedTake:
         )
 
     def take(self, subscription: Any) -> RawMessage | None:
-        """Take the oldest waiting message of a subscription (rclpy handle), with its info.
+        """Return the oldest waiting message of a subscription (rclpy handle), with its info.
 
         The info has the keys of rclpy's message info, and `publisher`, an identifier of 16 bytes.
         """
@@ -129,7 +129,7 @@ class IdentifiedTake:
 
 
 class ExecutorSource:
-    """Source of serialized messages: subscriptions of a helper node with its own executor.
+    """Receiver of serialized messages by subscriptions of a helper node with its own executor.
 
     The interface is that of `WaitSetSource`. `ExecutorSource` uses only the public API of rclpy,
     but needs about 15 us more per message. Because of the helper node, the executor runs no
@@ -170,7 +170,7 @@ class ExecutorSource:
         return any(self._waiting)
 
     def take(self, index: int) -> RawMessage | None:
-        """Take the oldest waiting message of a topic with its info; None if there is none."""
+        """Return the oldest waiting message of a topic with its info; None if none waits."""
         waiting = self._waiting[index]
         # One spin runs one callback, of any topic.
         for _ in range(sum(queue.maxlen or 0 for queue in self._waiting)):
@@ -196,14 +196,14 @@ _WAIT_SET_CALLS = ('clear_entities', 'add_subscription', 'add_guard_condition', 
 
 
 class HiddenFromExecutors(CallbackGroup):
-    """Callback group of subscriptions whose messages no executor may take."""
+    """Callback group that keeps executors from receiving the messages of its subscriptions."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Return False, so no executor runs the callbacks of this group."""
+        """Return False, so that no executor runs the callbacks of this group."""
         return False
 
     def beginning_execution(self, entity: Any) -> bool:
-        """Return False, for the same reason as `can_execute`."""
+        """Return False, because no executor runs a callback of this group."""
         return False
 
     def ending_execution(self, entity: Any) -> None:
@@ -211,7 +211,7 @@ class HiddenFromExecutors(CallbackGroup):
 
 
 class WaitSetSource:
-    """Source of serialized messages: subscriptions of a node that are read through a wait set.
+    """Receiver of serialized messages by a node's subscriptions, which a wait set monitors.
 
     At each wake-up an executor builds and walks lists of all entities of a node; a wait set with
     one subscription does not. The class uses `WaitSet` and `take_message` of rclpy's implementation
@@ -270,7 +270,7 @@ class WaitSetSource:
         return any(is_ready('subscription', k) for k in range(len(self._handles)))
 
     def take(self, index: int) -> RawMessage | None:
-        """Take the oldest waiting message of a topic with its info; None if there is none."""
+        """Return the oldest waiting message of a topic with its info; None if none waits."""
         if self._identified is not None:
             return self._identified.take(self._handles[index])
         message: RawMessage | None
@@ -291,7 +291,7 @@ class WaitSetSource:
 
 
 def _ignore(_: bytes) -> None:
-    """Serve as the required callback of a subscription; no executor calls it."""
+    """Do nothing; rclpy requires a callback per subscription, but no executor calls this one."""
 
 
 Source = WaitSetSource | ExecutorSource
@@ -354,7 +354,7 @@ class RawReader:
         return self._source.wait(timeout)
 
     def take(self, index: int = 0) -> RawMessage | None:
-        """Take the oldest waiting message of a topic and its info; None if there is none."""
+        """Return the oldest waiting message of a topic and its info; None if none waits."""
         message = self._source.take(index)
         if message is not None:
             self._counts[index] += 1
@@ -362,7 +362,7 @@ class RawReader:
         return message
 
     def take_newest(self, index: int = 0) -> RawMessage | None:
-        """Take all waiting messages of a topic, and return the newest; None if there is none."""
+        """Return the newest waiting message of a topic, drop older ones; None if none waits."""
         if self._keeps_one[index]:
             return self.take(index)  # the middleware has already replaced older messages
         newest = None
@@ -371,11 +371,11 @@ class RawReader:
         return newest
 
     def count(self, index: int = 0) -> int:
-        """Return the number of messages taken from a topic so far."""
+        """Return the number of messages received from a topic so far."""
         return self._counts[index]
 
     def lost(self, index: int = 0) -> int | None:
-        """Return the number of lost messages of a topic; None if messages have no numbers.
+        """Return the number of lost messages of a topic; None without sequence numbers.
 
         With a queue of depth 1, a message that a newer one replaced also counts as lost.
         """

@@ -1,10 +1,10 @@
-"""Number of lost messages, from the gaps in the publishers' sequence numbers."""
+"""Counters of lost messages, which evaluate gaps in the publishers' sequence numbers."""
 
 from collections import deque
 from collections.abc import Iterable
 
 UNNUMBERED = frozenset({0, 2**32 - 1, 2**64 - 1})
-"""Sequence numbers of messages without a number.
+"""Values of the sequence number that mean "no number".
 
 rosbag2 stores 0. A middleware without numbers reports the largest uint64, and MCAP stores its lower
 32 bits.
@@ -16,7 +16,7 @@ _MOST_PUBLISHERS = 64
 
 
 class SequenceGaps:
-    """Estimator of the number of lost messages of unknown publishers.
+    """Estimator of the number of lost messages if the publishers of messages are unknown.
 
     Each publisher numbers its own messages 1, 2, 3..., but the numbers do not name the publisher. A
     message is assigned to the publisher whose last number is the highest below that of the message.
@@ -33,18 +33,18 @@ class SequenceGaps:
 
     @property
     def lost(self) -> int | None:
-        """Number of missing messages so far; None if no message had a number."""
+        """Number of missing messages so far; None if no message had a sequence number."""
         return self._lost if self._newest else None
 
     def add(self, number: int) -> None:
-        """Process the number of the next message."""
+        """Process the sequence number of the next message."""
         if self._current >= 0 and number == self._newest[self._current] + 1:
             self._newest[self._current] = number
         elif number not in UNNUMBERED:
             self._add_out_of_step(number)
 
     def add_all(self, numbers: Iterable[int]) -> None:
-        """Process the numbers of several messages in order."""
+        """Process the sequence numbers of several messages in order."""
         for number in numbers:
             self.add(number)
 
@@ -88,11 +88,11 @@ class PublisherGaps:
 
     @property
     def lost(self) -> int | None:
-        """Number of missing messages so far; None if no message had a number."""
+        """Number of missing messages so far; None if no message had a sequence number."""
         return self._lost if self._newest else self._guess.lost
 
     def add(self, number: int, publisher: bytes | None) -> None:
-        """Process the number and publisher of the next message; None for an unknown publisher."""
+        """Process the sequence number of the next message; `publisher` is None if unknown."""
         if publisher is None:
             self._guess.add(number)
         elif number not in UNNUMBERED:

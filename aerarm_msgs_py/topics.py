@@ -1,4 +1,4 @@
-"""Names, message types and quality of service of the suite's topics.
+"""Name, message type and quality of service of every topic of the suite.
 
 Nodes import a topic, such as `JOINT_STATES`, instead of repeating its name, type and quality of
 service. `Topic.qos` is the profile of the suite's subscriptions. Publishers use `Topic.offered`,
@@ -48,7 +48,7 @@ class Topic:
 
     @property
     def offered(self) -> QoSProfile:
-        """Profile of the suite's publishers: the subscription profile with reliable delivery.
+        """Quality of service of the suite's publishers: as for subscriptions, but reliable.
 
         A reliable publisher matches reliable and best-effort subscriptions, a best-effort publisher
         only best-effort ones. With a keep-last history a reliable publisher never waits for a slow

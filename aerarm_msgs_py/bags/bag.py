@@ -1,4 +1,4 @@
-"""Access to the files and topics of a recorded bag."""
+"""Reader of the files and topics of a recorded bag."""
 
 import re
 import warnings
@@ -67,7 +67,9 @@ def read_information(path: Path) -> BagInformation:
         If the file cannot be read, is too large, is not plain YAML or not metadata of a bag.
     """
     if path.exists() and not path.is_file():
-        raise ValueError('the file is not a regular file')  # Reading a pipe would never end.
+        raise ValueError(
+            'this path is a directory, a pipe or a device instead of a regular file'
+        )  # Reading a pipe would never end.
     try:
         with path.open('rb') as stream:
             content = stream.read(_LARGEST + 1)
@@ -99,13 +101,13 @@ def _check_plain(text: str) -> None:
             raise ValueError(f'the YAML is nested more than {_DEEPEST} levels deep')
         if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
             raise ValueError(
-                f'the file contains a number that is {len(event.value)} characters long, more than '
-                f'{_LONGEST_NUMBER}'
+                f'the file contains a number of {len(event.value)} characters, above the limit of '
+                f'{_LONGEST_NUMBER} characters'
             )
 
 
 def _is_long_number(event: Any) -> bool:
-    """Return whether a YAML value has the form or tag of a number that takes long to parse.
+    """Return whether a YAML value would be parsed as a number, and is longer than the limit.
 
     The time to parse a number in base 60 is proportional to the square of its length.
     """
@@ -151,7 +153,7 @@ def _entries(document: Any) -> Iterator[tuple[Any, Any]]:
 
 
 class RecordedMessage(NamedTuple):
-    """Serialized message with its topic, its times and its sequence number.
+    """Serialized message with its topic, log time, publish time and sequence number.
 
     Attributes
     ----------
@@ -199,7 +201,7 @@ class RecordedTopic:
     latched: bool = False
 
     def qos_profile(self) -> dict[str, object]:
-        """Return the quality of service in the form of rosbag2's metadata (version 9)."""
+        """Return the quality of service as a mapping, as in rosbag2's metadata (version 9)."""
         return {
             'history': 'keep_last',
             'depth': self.depth,
@@ -303,7 +305,7 @@ class Bag:
     def messages_and(
         self, topic: str, message_type: str, others: Collection[str]
     ) -> Iterator[MessageBlock]:
-        """Yield the messages of a required topic, and those of optional topics.
+        """Yield the messages of one required topic and of optional topics.
 
         The required topic must have the given message type. Raises the errors of `messages` for the
         required topic only.
@@ -339,12 +341,12 @@ class Bag:
         types = self.types()
         if topic in types and (self.recorded_count(topic) or self.damaged):
             return (
-                f'no message of topic {topic} of the bag {self.path} can be read: copy the bag '
-                'again'
+                f'all messages of topic {topic} in the bag {self.path} are unreadable: copy the '
+                'bag again'
             )
         if topic in types:
             return (
-                f'topic {topic} of the bag {self.path} contains no messages: check that its '
+                f'the bag {self.path} contains no messages of topic {topic}: check that the '
                 'publisher was running during the recording'
             )
         names = sorted(types)
@@ -357,7 +359,7 @@ class Bag:
         )
 
     def recorded_count(self, topic: str) -> int | None:
-        """Return the number of messages of a topic that the bag states; None if unknown.
+        """Return the number of messages that the bag states for a topic; None if unknown.
 
         metadata.yaml contains this number; for a single file, the metadata.yaml in its directory.
         Without metadata.yaml, the number is that in the summaries of the files read so far.
@@ -368,7 +370,7 @@ class Bag:
         return None if None in own else sum(c.get(topic, 0) for c in own if c is not None)
 
     def _read_information(self) -> BagInformation:
-        """Return the content of metadata.yaml; an empty one if it is missing or damaged."""
+        """Return the content of metadata.yaml; no entries if the file is missing or damaged."""
         folder = self.path.parent if self.path.is_file() else self.path
         try:
             information = read_information(folder / FILE)
@@ -413,7 +415,7 @@ class Bag:
 
 
 def _files_in(folder: Path) -> list[Path]:
-    """Return the files of the bag in a folder, all of one storage format, in natural order."""
+    """Return the bag files in a folder, all of one storage format, in natural order."""
     try:
         names = [file for file in folder.iterdir() if file.is_file()]
     except OSError as error:

@@ -24,7 +24,7 @@ from aerarm_msgs_py.storage.read_limits import (
 
 @dataclass(frozen=True)
 class JointStateSeries:
-    """Arrays of M recorded JointState messages of n joints, in recorded order.
+    """M recorded JointState messages of n joints, as arrays in the order of reception.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class JointStateSeries:
         return len(self.stamp)
 
     def columns(self, names: Sequence[str]) -> 'JointStateSeries':
-        """Return the series of the given joints, in the order of `names`.
+        """Return a series with only the given joints, in the order of `names`.
 
         Raises
         ------
@@ -81,7 +81,7 @@ class JointStateSeries:
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """Type and message counts of one topic in a bag.
+    """Message type, number of messages and number of lost messages of one topic in a bag.
 
     Attributes
     ----------
@@ -146,11 +146,11 @@ class JointStateBuilder:
 
     @property
     def irregular(self) -> int:
-        """Number of position, velocity and effort fields ignored because of a wrong length."""
+        """Number of position, velocity and effort fields that were ignored for a wrong length."""
         return self._decoder.irregular
 
     def add(self, block: MessageBlock) -> None:
-        """Decode a block of JointState messages and append them.
+        """Decode a block of JointState messages and append them to the arrays.
 
         Raises
         ------
@@ -181,7 +181,7 @@ class JointStateBuilder:
         self._count = last
 
     def series(self) -> JointStateSeries:
-        """Return the collected messages in order of reception; ends the collection."""
+        """Return the collected messages in order of reception, and end the collection."""
         for array in (self._times, self._sequence, *self._fields):
             array.resize((self._count, *array.shape[1:]), refcheck=False)
         self._sort()
@@ -204,7 +204,7 @@ class JointStateBuilder:
             self._fields = [numbers[order] for numbers in self._fields]
 
     def _kept(self, block: MessageBlock) -> tuple[Payloads, NDArray[np.int64], NDArray[np.int64]]:
-        """Return every k-th message of a block (k = `_stride`), with time and sequence number."""
+        """Return the messages of a block to keep, one per stride, with time and sequence number."""
         part = slice(-self._seen % self._stride, None, self._stride)
         self._seen += len(block.payloads)
         if self._stride == 1:
@@ -242,7 +242,7 @@ _ENOUGH = 50_000  # messages of an optional topic
 
 @dataclass
 class BagContents:
-    """Joint states, texts (for example arm modes) and missed cycles read from a bag.
+    """Joint states, text messages (such as arm modes) and missed control cycles, read from a bag.
 
     Attributes
     ----------
@@ -275,7 +275,7 @@ def read_contents(
     most: int | None = None,
     limits: ReadLimits | None = None,
 ) -> BagContents:
-    """Read a required JointState topic and optional topics of a bag in one pass.
+    """Read one required JointState topic and optional topics of a bag in one pass.
 
     Parameters
     ----------
@@ -323,8 +323,8 @@ def read_contents(
     irregular = builders[name].irregular
     if irregular:
         warnings.warn(
-            f'{irregular} fields of topic {name} of the bag {path} were ignored: they do not have '
-            'one value per joint name',
+            f'topic {name} of the bag {path}: {irregular} fields do not have one value per joint '
+            'name and were ignored',
             BagWarning,
             stacklevel=2,
         )
@@ -339,7 +339,7 @@ def read_contents(
 
 
 def lost_messages(sequence: NDArray[np.int64]) -> int | None:
-    """Return the number of messages that are missing between (M,) publication sequence numbers.
+    """Return the number of messages that are missing in M publication sequence numbers.
 
     The result is None if the recorder stored no sequence numbers.
     """
@@ -354,8 +354,8 @@ def _warn_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
     """Warn if sequence numbers are missing between the first and the last message."""
     if lost := lost_messages(states.sequence):
         warnings.warn(
-            f'bag {path}: according to the sequence numbers, {lost} messages of {topic} are '
-            'missing between the first and the last; the recorder lost them, or the bag is damaged',
+            f'bag {path}: the sequence numbers show that {lost} messages of topic {topic} are '
+            'missing; the recorder lost these messages, or the bag is damaged',
             BagWarning,
             stacklevel=3,
         )
@@ -386,7 +386,7 @@ def _text(payload: bytes) -> str:
 
 
 def _missed_between(diagnostics: list[bytes]) -> int | None:
-    """Return how many cycles the bridge missed during the recording; None if unknown."""
+    """Return how many control cycles the bridge missed in the recording; None if unknown."""
     counts = []
     for payload in diagnostics:
         try:
@@ -438,7 +438,7 @@ def read_joint_states(
 def joint_state_blocks(
     path: Path | str, topic: str = '/joint_states'
 ) -> Iterator[JointStateSeries]:
-    """Yield the messages of a JointState topic in parts, for bags that do not fit into memory.
+    """Yield the messages of a JointState topic in parts; suits bags larger than the memory.
 
     Later parts may have more columns: the names of a part begin with those of the previous part.
     For parameters and errors see `read_joint_states`.
@@ -463,8 +463,8 @@ def joint_state_blocks(
         )
     if decoder.irregular:
         warnings.warn(
-            f'{decoder.irregular} fields of topic {topic} of the bag {path} were ignored: they do '
-            'not have one value per joint name',
+            f'topic {topic} of the bag {path}: {decoder.irregular} fields do not have one value '
+            'per joint name and were ignored',
             BagWarning,
             stacklevel=2,
         )

@@ -1,4 +1,4 @@
-"""Writer of a rosbag2 directory that stays readable if the recorder is killed."""
+"""Writer of a rosbag2 directory; the bag stays readable if the recorder is killed."""
 
 import fcntl
 import io
@@ -47,7 +47,7 @@ class BagMetadata:
         self.counts = [0] * len(self.topics)
 
     def add(self, topic: int, log_time: int) -> None:
-        """Count a stored message of a topic, and update the first and last time of reception."""
+        """Count a stored message, and update the bag's first and last time of reception."""
         self.counts[topic] += 1
         if self.start is None or self.end is None:
             self.start = self.end = log_time
@@ -107,7 +107,7 @@ def _topic_metadata(topic: RecordedTopic) -> dict[str, object]:
 
 
 class _TimedFile(io.FileIO):
-    """File that adds up the time that its writes take."""
+    """File that measures the total time of its writes."""
 
     seconds = 0.0
 
@@ -300,7 +300,7 @@ class BagWriter:
 
 
 def is_being_written(directory: Path) -> bool:
-    """Return whether a `BagWriter` of a running process still writes the bag."""
+    """Return whether a running process still writes the bag with a `BagWriter`."""
     for path in directory.glob('*.mcap'):
         with path.open('rb') as stream:
             try:
@@ -313,7 +313,7 @@ def is_being_written(directory: Path) -> bool:
 
 
 def _chunks(messages: Sequence[RecordedMessage]) -> Iterator[Sequence[RecordedMessage]]:
-    """Split the messages into parts of about a megabyte, one per chunk."""
+    """Split the messages into parts of about a megabyte; each part becomes one chunk."""
     start, size = 0, 0
     for stop, message in enumerate(messages, 1):
         size += len(message.payload)

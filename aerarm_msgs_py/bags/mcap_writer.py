@@ -39,7 +39,7 @@ from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 
 @dataclass(frozen=True)
 class MessageDefinition:
-    """Definition of a ROS message type, as MCAP files contain it.
+    """Definition of a ROS message type, in the form that MCAP files contain.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
 
 
 class McapWriter:
-    """Writer of chunks of messages to an MCAP file.
+    """Writer that appends messages to an MCAP file, chunk by chunk.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class McapWriter:
         self._append(builder.end())
 
     def add_chunk(self, messages: Sequence[RecordedMessage]) -> None:
-        """Write messages as one chunk, which stays readable even if the process is killed."""
+        """Write messages as one chunk; the chunk stays readable even if the process is killed."""
         records, indices = self._records(messages)
         data = self._compress(records)
         start = min(message.log_time for message in messages)
@@ -146,7 +146,7 @@ class McapWriter:
         self._append(builder.end())
 
     def finish(self, metadata: str) -> None:
-        """Write the metadata of rosbag2, and the summary by which readers find the chunks."""
+        """Write the metadata of rosbag2, and the summary, in which readers find the chunks."""
         builder = RecordBuilder()
         Metadata('rosbag2', {'serialized_metadata': metadata}).write(builder)
         index = MetadataIndex(offset=self._end, length=builder.count, name='rosbag2')
@@ -187,7 +187,7 @@ class McapWriter:
         return b''.join(parts), list(indices.values())
 
     def _append(self, data: bytes) -> None:
-        """Append data to the file, replacing the previous closing records by new ones."""
+        """Append data and new closing records to the file, in place of the old closing records."""
         builder = RecordBuilder()
         DataEnd(0).write(builder)
         Footer(0, 0, 0).write(builder)

@@ -30,7 +30,7 @@ _ROW = 8 * 12  # bytes of a sample
 
 @dataclass(eq=False)
 class PoseSeries:
-    """Poses or inertial measurements of one topic or frame, as arrays over T samples.
+    """T samples of the pose or the inertial measurements of one topic or frame.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def read_poses(
                 ) from error
         if sum(len(series.rows) for series in found.values()) > _MOST:
             raise BagError(
-                f'the bag {path} contains more than {_MOST} poses: shorten it to the motion that '
+                f'the bag {path} contains more than {_MOST} poses: cut the bag to the motion that '
                 'you need'
             )
     return {name: _series(name, rows) for name, rows in found.items()}

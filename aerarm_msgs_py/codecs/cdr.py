@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 ENCAPSULATION_SIZE = 4
-"""Bytes before the message: representation (2) and options (2)."""
+"""Size of the header before the message [bytes]: representation (2) and options (2)."""
 LITTLE_ENDIAN = b'\x00\x01'
 """First two bytes of a little-endian CDR message."""
 
 
 class CdrPrefix:
-    """Comparison of messages with constant first fields, which ignores the alignment padding.
+    """Constant first fields of a message type, to compare messages without alignment padding.
 
     Fast CDR does not clear the padding after a string. Two messages with equal content can
     therefore differ in the padding, and a comparison of all bytes would sometimes reject a valid
@@ -43,7 +43,7 @@ class CdrPrefix:
 
     @property
     def content(self) -> bytes:
-        """Bytes of the prefix, with zeros as padding."""
+        """Bytes of the constant fields, with zeros as padding."""
         return bytes(self._bytes)
 
     def add_uint32(self, value: int) -> None:
@@ -69,7 +69,7 @@ class CdrPrefix:
         self._append(bytes(padding), known=False)
 
     def matches(self, payload: bytes) -> bool:
-        """Return whether a payload is little-endian CDR and contains this prefix at `start`."""
+        """Return whether a payload is little-endian CDR and contains these fields at `start`."""
         if not payload.startswith(LITTLE_ENDIAN):
             return False
         found = payload[self.start : self.end]
@@ -84,7 +84,7 @@ class CdrPrefix:
         return True
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return which of M payloads, the rows of an (M, size) array, contain this prefix."""
+        """Return which of M payloads, the rows of an (M, size) array, contain these fields."""
         if rows.shape[1] < self.end:
             return np.zeros(len(rows), bool)
         parts = rows[:, : len(LITTLE_ENDIAN)], rows[:, self.start : self.end]
@@ -122,7 +122,7 @@ class CdrReader:
 
     def __init__(self, payload: bytes) -> None:
         if len(payload) < ENCAPSULATION_SIZE or payload[0] != 0 or payload[1] not in (0, 1):
-            raise ValueError('the message is not plain CDR')
+            raise ValueError('the message does not begin with the header of plain CDR')
         self._order = '<' if payload[1] else '>'
         self._body = payload[ENCAPSULATION_SIZE:]
         self._position = 0
@@ -187,7 +187,7 @@ _WEIGHT = np.uint64(0x9E3779B97F4A7C15)  # arbitrary; weights of adjacent words 
 
 
 class Payloads(Sequence[bytes]):
-    """Sequence of K serialized messages in one buffer, which copies a message only on access.
+    """Sequence of K serialized messages in one buffer; only access to a message copies it.
 
     Parameters
     ----------
@@ -231,11 +231,11 @@ class Payloads(Sequence[bytes]):
             yield buffer[start : start + size]
 
     def chosen(self, which: NDArray[np.bool_]) -> 'Payloads':
-        """Return the messages that are selected by a mask (K,)."""
+        """Return the messages that the mask (K,) selects."""
         return Payloads(self._buffer, self._starts[which], self.sizes[which])
 
     def rows(self, index: NDArray[np.intp]) -> NDArray[np.uint8]:
-        """Return messages of equal size as the rows of an array.
+        """Return the messages as the rows of an array; all must have the same size.
 
         Parameters
         ----------
@@ -253,7 +253,7 @@ class Payloads(Sequence[bytes]):
         return taken.view(np.uint8).reshape(len(index), size)
 
     def groups_of_size(self) -> Iterator[NDArray[np.intp]]:
-        """Yield for each message size the indices of the messages with this size."""
+        """Yield the indices of the messages of equal size, one array per size."""
         sizes = self.sizes
         if not len(sizes):
             return
@@ -265,7 +265,7 @@ class Payloads(Sequence[bytes]):
         yield from sorted(np.split(order, firsts[1:]), key=lambda index: int(index[0]))
 
     def hashes(self) -> NDArray[np.uint64]:
-        """Return a hash of each message, (K,): the weighted sum of its words plus its size."""
+        """Return one hash per message, (K,): the weighted sum of its words plus its size."""
         found = self.sizes.astype(np.uint64)
         for index in self.groups_of_size():
             rows = self.rows(index)
@@ -280,7 +280,7 @@ class Payloads(Sequence[bytes]):
 
 
 def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -> NDArray[Any]:
-    """Return (K,) elements of type `kind` from arbitrary byte offsets of a buffer.
+    """Return K elements of type `kind` from the byte offsets `starts` in a buffer.
 
     Raises
     ------
@@ -297,7 +297,7 @@ def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -
 
 
 def diagnostic_values(payload: bytes) -> dict[str, dict[str, str]]:
-    """Return the key-value pairs of each status in a DiagnosticArray, by name of the status.
+    """Return the key-value pairs of each status in a DiagnosticArray, by status name.
 
     Raises
     ------
@@ -338,7 +338,7 @@ class Float64ArrayCdr:
 
     def __init__(self, n: int) -> None:
         if n < 1:
-            raise ValueError(f'n is {n}: an array needs at least one number')
+            raise ValueError(f'n is {n}: an array must have at least one number')
         self.n = n
         self._buffer = bytearray(_HEADER.size + 8 * n)
         _HEADER.pack_into(self._buffer, 0, LITTLE_ENDIAN, _NO_DIMENSIONS, _NO_OFFSET, n)

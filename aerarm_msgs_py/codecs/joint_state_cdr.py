@@ -1,4 +1,4 @@
-"""Fast codec of serialized sensor_msgs/JointState messages, for constant joint names.
+"""Fast codec of serialized sensor_msgs/JointState messages with constant joint names.
 
 With constant joint names, a serialized JointState has a fixed layout. A 1 kHz loop therefore reads
 and writes the numbers at fixed offsets, which takes 2 us instead of 30 us with message objects.
@@ -24,7 +24,7 @@ from aerarm_msgs_py.codecs.cdr import (
 
 
 class JointSample(NamedTuple):
-    """Stamp and numbers of one JointState message, in the joint order of its publisher.
+    """Time stamp and values of one JointState message, in the joint order of its publisher.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class JointStateLayout:
     def fields(
         self, payload: bytes
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None, NDArray[np.float64] | None]:
-        """Return position, velocity and effort (n,) of a payload with this layout, as views."""
+        """Return views of position, velocity and effort (n,) in a payload with this layout."""
         numbers = np.frombuffer(payload, _DOUBLES, self._span, self._first)
         position, velocity, effort = self._parts
         return (
@@ -128,7 +128,7 @@ class JointStateLayout:
         )
 
     def values_of_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return the numbers (M, 3, n) of M payloads with this layout; NaN for an empty field."""
+        """Return the values (M, 3, n) of M payloads with this layout; NaN for an empty field."""
         values = np.full((len(rows), 3, self.n), np.nan)
         for k, (offset, is_full) in enumerate(zip(self._data_offsets, self.full, strict=True)):
             if is_full:
@@ -137,12 +137,12 @@ class JointStateLayout:
         return values
 
     def write_counts(self, buffer: bytearray) -> None:
-        """Write the numbers of positions, velocities and efforts into the buffer of a payload."""
+        """Write positions, velocities and efforts into the buffer of a payload."""
         for offset, count in zip(self._count_offsets, self._counts, strict=True):
             _COUNT.pack_into(buffer, offset, count)
 
     def views(self, buffer: bytearray) -> list[NDArray[np.float64]]:
-        """Return writable views of position, velocity and effort; (0,) for an empty field."""
+        """Return writable views of position, velocity and effort; size 0 for an empty field."""
         return [
             np.frombuffer(buffer, '<f8', self.n, offset) if is_full else _EMPTY
             for offset, is_full in zip(self._data_offsets, self.full, strict=True)
@@ -155,7 +155,7 @@ _PREFIX_OFFSET = _STAMP_OFFSET + _STAMP.size
 
 
 class JointStateCdr:
-    """Codec of the JointState messages of one arm.
+    """Codec of JointState messages of one arm, whose joint names are constant.
 
     Position, velocity and effort may each be empty or have one number per joint, which gives eight
     layouts. If a message has other names, another order, frame, length or byte order, `unpack`
@@ -285,7 +285,7 @@ class JointStateCdr:
     def _layouts_of(
         self, rows: NDArray[np.uint8], index: NDArray[np.intp]
     ) -> Iterator[JointStateLayout]:
-        """Yield all layouts, beginning with the layout of the first of the given rows."""
+        """Yield all layouts, first the layout of the first row."""
         if not len(index):
             return
         first = self._find_layout(rows[index[0]].tobytes())
@@ -298,7 +298,7 @@ class JointStateCdr:
         return next((x for x in layouts if x.stamp_of(payload) is not None), None)
 
     def _template(self, layout: JointStateLayout) -> tuple[bytearray, list[NDArray[np.float64]]]:
-        """Return the buffer of a payload, and writable views of its numbers."""
+        """Return the buffer of a payload, and writable views of its values."""
         buffer = bytearray(layout.size)
         buffer[:2] = LITTLE_ENDIAN
         buffer[self._prefix.start : self._prefix.end] = self._prefix.content
@@ -375,7 +375,7 @@ class JointStateDecoder:
     def _decode_group(
         self, payloads: Payloads, index: NDArray[np.intp], stamp_ns: NDArray[np.int64]
     ) -> Iterator[_Decoded]:
-        """Decode messages of equal size, and yield them in groups of equal layout."""
+        """Decode messages of equal size, and yield their values in groups of equal layout."""
         rows = payloads.rows(index)
         left = np.arange(len(rows))  # indices of undecoded rows
         for codec, columns in self._codecs:
@@ -400,7 +400,7 @@ class JointStateDecoder:
         index: NDArray[np.intp],
         stamp_ns: NDArray[np.int64],
     ) -> Generator[_Decoded, None, NDArray[np.intp]]:
-        """Decode those rows of `left` that have a layout of the codec; return the other rows."""
+        """Decode the rows in `left` that have a layout of the codec, and return the other rows."""
         if not len(left):
             return left
         mine, stamps, numbers = codec.unpack_rows(rows if len(left) == len(rows) else rows[left])
@@ -411,7 +411,7 @@ class JointStateDecoder:
         return left[~mine]
 
     def _decode_one(self, payload: bytes) -> tuple[int, NDArray[np.float64], list[int]]:
-        """Return the stamp [ns], the numbers (3, m) and their m columns of one message."""
+        """Return the stamp [ns] of one message, its values (3, m), and the m columns for them."""
         self.singly += 1
         reader = CdrReader(payload)
         stamp_ns = reader.int32() * 1_000_000_000 + reader.uint32()
@@ -461,7 +461,7 @@ class JointStateDecoder:
 
 
 def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
-    """Return joint names and numbers of a serialized JointState with any layout and byte order.
+    """Return joint names and values of a serialized JointState, whatever its layout and byte order.
 
     Raises
     ------
@@ -473,7 +473,7 @@ def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
 
 
 def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
-    """Return joint names and numbers of a JointState, without a check of the fields' lengths.
+    """Return joint names and values of a JointState without checking the fields' lengths.
 
     Raises ValueError if the payload is not a JointState.
     """
@@ -485,7 +485,7 @@ def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
 
 
 def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -> JointSample:
-    """Return the numbers of the joints `wanted`, in this order.
+    """Return the values of the joints `wanted`, in this order.
 
     Raises
     ------

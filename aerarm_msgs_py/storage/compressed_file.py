@@ -20,7 +20,7 @@ _UNKNOWN_SIZES = (zstandard.CONTENTSIZE_UNKNOWN, zstandard.CONTENTSIZE_ERROR)
 _FAILURES = (zstandard.ZstdError, RuntimeError, MemoryError)
 
 COMPRESSIONS = ('', 'lz4', 'zstd')
-"""Supported compressions of chunks; '' is none."""
+"""Supported compressions of chunks; '' stands for an uncompressed chunk."""
 
 
 class DecompressionError(ValueError):
@@ -47,12 +47,13 @@ def check_claim(data: bytes, compression: str, size: int) -> None:
         possible = content is None or content == size
     if not possible:
         raise DecompressionError(
-            f'its stated size of {size} bytes is impossible for {len(data)} compressed bytes'
+            f'the compressed data have {len(data)} bytes, so the stated content size of {size} '
+            'bytes is impossible'
         )
 
 
 def content_size(data: bytes) -> int | None:
-    """Return the declared size of the content of a zstd frame; None if it declares none.
+    """Return the content size that a zstd frame declares; None if it declares no size.
 
     Raises
     ------
@@ -67,7 +68,7 @@ def content_size(data: bytes) -> int | None:
 
 
 def decompress(data: bytes, compression: str, size: int) -> bytes:
-    """Decompress data whose content has the declared size of `size` bytes.
+    """Decompress data, and check that the result has the declared size of `size` bytes.
 
     Raises
     ------
@@ -88,7 +89,7 @@ def decompress(data: bytes, compression: str, size: int) -> bytes:
             raise DecompressionError(str(error)) from None
     if len(records) != size:
         raise DecompressionError(
-            f'it has {len(records)} bytes after decompression instead of {size}'
+            f'the decompressed data have {len(records)} bytes instead of the stated {size} bytes'
         )
     return bytes(records)
 
@@ -136,7 +137,7 @@ _COPIED_PIECE = 2**20  # bytes
 
 
 class BagFile(Protocol):
-    """Interface of the readers of bag files."""
+    """Interface that the readers of bag files implement."""
 
     @property
     def types(self) -> dict[str, str]:
@@ -151,7 +152,7 @@ class BagFile(Protocol):
         """Number of messages per topic that the file states; None if unknown."""
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield blocks of messages of `topics`; None selects all topics."""
+        """Yield the messages of `topics` in blocks; None selects all topics."""
 
 
 class CompressedFile:
@@ -192,7 +193,7 @@ class CompressedFile:
         return self._inner.counts if self._inner else None
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield blocks of messages of `topics`; None selects all topics.
+        """Yield the messages of `topics` in blocks; None selects all topics.
 
         Raises
         ------
@@ -248,8 +249,8 @@ def decompressed(
             continue
     if len(messages) < len(sound):
         report.add(
-            f'is damaged: {len(sound) - len(messages)} messages of {block.topic} cannot be '
-            'decompressed and are ignored'
+            f'the reader ignores {len(sound) - len(messages)} messages of topic {block.topic}, '
+            'because their compressed data are damaged'
         )
     if not messages:
         return None

@@ -25,7 +25,7 @@ from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
 from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
 
 _BEGINNINGS = {
-    '.bag': (b'#ROSBAG V2.0\n', 'a ROS 1 bag of version 2.0'),
+    '.bag': (b'#ROSBAG V2.0\n', 'a ROS 1 bag (format version 2.0)'),
     '.db3': (b'SQLite format 3\0', 'an SQLite file'),
 }
 _REPAIRS = {'.bag': 'rosbag reindex', '.db3': 'sqlite3 FILE .recover'}
@@ -80,7 +80,7 @@ class ForeignFile:
         return self._report.places > 0
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield blocks of messages of `topics`; None selects all topics.
+        """Yield the messages of `topics` in blocks; None selects all topics.
 
         Raises
         ------
@@ -108,12 +108,13 @@ class ForeignFile:
                     f'repair it ({repair})'
                 )
             self._report.add(
-                f'is damaged ({error}): only the {count} messages before the damage are read'
+                f'the file is damaged ({error}): only the {count} messages before the damage are '
+                'read'
             )
         if missing := end['missing']:
             self._report.add(
-                f'is damaged: {missing} messages with a wrong type, or without a topic or time, '
-                'are ignored'
+                f'the reader ignores {missing} messages with values of a wrong type, or without '
+                'topic or time'
             )
         self._report.finish()
 
@@ -155,7 +156,7 @@ class ForeignFile:
     def _received(
         self, process: 'subprocess.Popen[bytes]', end: dict[str, Any]
     ) -> Iterator[MessageBlock]:
-        """Yield the blocks that the process writes, and store its final report in `end`."""
+        """Yield the blocks that the reading process writes; store its final report in `end`."""
         stream = process.stdout
         assert stream
         names: list[str] = []
@@ -198,7 +199,7 @@ def _write(index: int, count: int, *parts: bytes) -> None:
 
 
 class _Sender:
-    """Queue of messages per topic, written to standard output block by block."""
+    """Queue of messages per topic; the queue is written to standard output in blocks."""
 
     def __init__(self, names: list[str]) -> None:
         self._indexes = {name: index for index, name in enumerate(names)}
@@ -206,7 +207,7 @@ class _Sender:
         self._held = 0
 
     def add(self, topic: str, log_time: int, payload: bytes) -> None:
-        """Queue a message; raises if a value has a wrong type, which SQLite allows."""
+        """Queue a message; raise an error for a value of a wrong type, which SQLite allows."""
         index = self._indexes[topic]
         messages = self._waiting[index]
         _NUMBER.pack(log_time)
@@ -232,7 +233,7 @@ class _Sender:
 
 
 def _read(path: Path, topics: Collection[str] | None, part_bytes: int) -> int:
-    """Write the messages of a file to standard output; return the number of unreadable ones."""
+    """Write the messages of a file to standard output; return the number of unreadable messages."""
     from rosbags import rosbag1, rosbag2
     from rosbags.serde import SerdeError
     from rosbags.typesys import Stores, get_typestore
@@ -277,7 +278,7 @@ def _limit(seconds: float, memory: float) -> None:
 
 
 def main(arguments: str) -> None:
-    """Read a bag file and write its messages to standard output; `arguments` is a JSON object."""
+    """Read the bag file named in `arguments` (JSON), and write its messages to standard output."""
     values = json.loads(arguments)
     end = {'error': '', 'limit': '', 'missing': 0}
     _limit(values['seconds'], values['memory'])

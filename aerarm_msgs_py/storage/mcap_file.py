@@ -40,7 +40,7 @@ _MIX_TIME, _MIX_SEQUENCE = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27
 
 
 class RepeatedMessages:
-    """Finder of messages that a file contains twice: same receipt time, number and bytes.
+    """Finder of messages that a file contains twice: equal log time, sequence number and bytes.
 
     The finder stores a hash of eight bytes per message of one topic. It compares the hashes only if
     the time of reception does not increase; it increases in every intact bag.
@@ -54,7 +54,7 @@ class RepeatedMessages:
     def first_ones(
         self, log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads
     ) -> NDArray[np.bool_] | None:
-        """Return which of K messages are not repeated, as a mask (K,); None for all."""
+        """Return a mask (K,) of the messages that repeat no earlier one; None if none does."""
         if not len(log_time):
             return None
         keys = _keys(log_time, sequence, payloads)
@@ -79,7 +79,7 @@ class RepeatedMessages:
 
 
 def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads) -> Keys:
-    """Return a hash of each message; two messages have the same hash with probability 2^-64."""
+    """Return one hash per message; two messages have equal hashes with probability 2^-64."""
     keys = log_time.astype(np.uint64) * _MIX_TIME ^ sequence.astype(np.uint64) * _MIX_SEQUENCE
     return keys ^ payloads.hashes()
 
@@ -90,7 +90,7 @@ _LOOSE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 
 @dataclass(frozen=True)
 class RecordRun:
-    """Consecutive schema, channel and message records, from one chunk or from between chunks."""
+    """Consecutive schema, channel and message records, from one chunk or outside of chunks."""
 
     records: bytes
     place: str
@@ -98,7 +98,7 @@ class RecordRun:
 
 
 class McapFile:
-    """Reader of one MCAP file of any writer; implements `BagFile`.
+    """Reader of one MCAP file, whichever program wrote it; implements `BagFile`.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ class McapFile:
         yield RecordRun(bytes(loose), '')
 
     def _take_counts(self, content: bytes) -> None:
-        """Read the numbers of messages from a statistics record that the footer does not list."""
+        """Read the message counts from a statistics record outside the summary."""
         if self._summary.counts is None:
             with contextlib.suppress(ValueError):
                 self._summary.counts = read_counts(RecordFields(content))
@@ -220,9 +220,9 @@ class McapFile:
         """Return the content of a record; empty if it exceeds the limit `part_bytes`."""
         if record.length > budget.part_bytes:
             self._report.add(
-                f'has a record of {record.length} bytes at byte {record.start}, above the limit '
-                f'of {budget.part_bytes} bytes per record (limits part_bytes and ratio): the '
-                'record is ignored',
+                f'the reader ignores the record at byte {record.start}, because its '
+                f'{record.length} bytes exceed the limit of {budget.part_bytes} bytes per record '
+                '(limits part_bytes and ratio)',
                 record.length,
             )
             return b''
@@ -232,8 +232,8 @@ class McapFile:
     def _report_orphan(self, record: McapRecord, indexes: ChunkIndexes) -> None:
         if indexes.messages or not indexes.complete:
             self._report.add(
-                f'is damaged: {indexes.messages or "some"} messages are lost; the file only '
-                f'contains their index at byte {record.start}'
+                f'{indexes.messages or "some"} messages are lost: the file contains only their '
+                f'index, at byte {record.start}'
             )
 
     def _chunk(
@@ -244,7 +244,7 @@ class McapFile:
         budget: ReadBudget,
         topics: Collection[str] | None,
     ) -> Iterator[RecordRun]:
-        """Yield the records of a chunk if the chunk is intact; report it otherwise."""
+        """Yield the records of an intact chunk; report a damaged chunk."""
         if not self._is_wanted(indexes, topics):
             return
         place = f'the chunk at byte {record.start}'
@@ -258,8 +258,7 @@ class McapFile:
             if record.whole:  # otherwise the truncated end was reported
                 listed = f' with {indexes.messages} messages' if indexes.messages else ''
                 self._report.add(
-                    f'is damaged: {place}{listed} ({record.length} bytes) is ignored for this '
-                    f'reason: {error}',
+                    f'{place}{listed} ({record.length} bytes) is damaged and ignored: {error}',
                     record.length,
                 )
 
@@ -290,27 +289,25 @@ class McapFile:
             self._check_walk(run, starts.tolist(), unread)
             if not run.indexes.agree_with(starts):
                 self._report.add(
-                    f'is damaged: the index behind {run.place} lists {run.indexes.messages} '
-                    f'messages, but the chunk contains {len(starts)} messages at other places; '
-                    'the reader uses the messages in the chunk'
+                    f'the index after {run.place} lists {run.indexes.messages} messages, but the '
+                    f'chunk contains {len(starts)} messages at other places; the reader ignores '
+                    'this index'
                 )
             headers = elements_at(records, MESSAGE_HEADER, starts)
         for index, own in self._topics.groups(headers['channel']):
             if index < 0:
-                self._report.add(
-                    f'is damaged: {len(own)} messages without a known topic are ignored'
-                )
+                self._report.add(f'the reader ignores {len(own)} messages without a known topic')
             elif topics is None or self._topics.names[index] in topics:
                 yield from self._block(
                     self._topics.names[index], records, headers[own], starts[own]
                 )
 
     def _check_walk(self, run: RecordRun, starts: list[int], unread: int) -> None:
-        """Report unknown records in a chunk; a truncated end of the file is reported elsewhere."""
+        """Report bytes of a complete chunk that are not messages."""
         if unread and run.place:
             self._report.add(
-                f'is damaged: in {run.place}, {unread} bytes after {len(starts)} messages are '
-                'not messages and are ignored',
+                f'in {run.place}, the {unread} bytes after {len(starts)} messages are not '
+                'messages and are ignored',
                 unread,
             )
 
@@ -332,8 +329,8 @@ class McapFile:
                 yield part
                 continue
             self._report.add(
-                f'is damaged: {len(first) - int(first.sum())} messages of {topic} are stored '
-                'twice; the reader returns each message once'
+                f'{len(first) - int(first.sum())} messages of {topic} are stored twice; the '
+                'reader returns each message once'
             )
             if first.any():
                 yield part.chosen(first)

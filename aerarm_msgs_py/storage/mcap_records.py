@@ -120,11 +120,11 @@ class McapChunk:
         except DecompressionError as error:
             raise ChunkError(str(error)) from None
         if self.crc and zlib.crc32(records) != self.crc:
-            raise ChunkError('the checksum of the chunk is wrong')
+            raise ChunkError('the content of the chunk does not match its checksum')
         return records
 
     def beginning(self, budget: ReadBudget) -> bytes:
-        """Return the decompressed start of a truncated chunk, up to its end; may be empty."""
+        """Return the decompressed beginning of a truncated chunk; may be empty."""
         most = min(self.size, budget.part_bytes)
         budget.spend(most if self.compression else 0)
         return beginning(self.data, self.compression, most)
@@ -132,7 +132,7 @@ class McapChunk:
 
 _CHANNELS = 2**16
 MOST_TOPICS = 4096
-"""Largest accepted number of topics in a file, more than any robot has."""
+"""Largest accepted number of topics in a file; a file with more topics is rejected."""
 
 _NONE = -1
 _CONTRADICTED = -2
@@ -183,7 +183,9 @@ class McapTopics:
             schema = fields.number(2)
             topic = fields.text()
         except ValueError as error:
-            self._report.add(f'is damaged: the record of a topic is ignored ({error})')
+            self._report.add(
+                f'the reader ignores a damaged definition of a topic or message type ({error})'
+            )
             return
         if self._claimed.setdefault(number, topic) != topic:
             self._contradict(number, topic)
@@ -191,7 +193,7 @@ class McapTopics:
             self._index[number] = self._place(topic, self._schemas.get(schema, ''))
 
     def groups(self, channels: NDArray[np.uint16]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-        """Yield for each topic its index in `names` and the indices of its messages.
+        """Yield, for each topic, its index in `names` and the indices of its messages.
 
         The index is negative for messages of an unknown topic.
 
@@ -223,8 +225,8 @@ class McapTopics:
     def _contradict(self, number: int, topic: str) -> None:
         if self._index[number] != _CONTRADICTED:
             self._report.add(
-                f'is damaged: channel {number} has the two topics {self._claimed[number][:200]} '
-                f'and {topic[:200]}; its messages are ignored'
+                f'channel {number} has the two topics {self._claimed[number][:200]} and '
+                f'{topic[:200]}; the reader ignores its messages'
             )
         self._index[number] = _CONTRADICTED
 

@@ -1,4 +1,4 @@
-"""Iteration over the records of an MCAP file, which continues after damage if possible."""
+"""Iteration over the records of an MCAP file; the iteration continues after damage if possible."""
 
 import struct
 import zlib
@@ -16,7 +16,7 @@ from aerarm_msgs_py.storage.mcap_records import RecordFields
 from aerarm_msgs_py.storage.read_limits import DamageReport, ReadBudget
 
 RECORD = struct.Struct('<BQ')
-"""Opcode and length, with which every record begins."""
+"""Format of the first bytes of every record: opcode and length."""
 MESSAGE_HEADER = np.dtype(
     [
         ('opcode', 'u1'),
@@ -27,7 +27,7 @@ MESSAGE_HEADER = np.dtype(
         ('publish_time', '<u8'),
     ]
 )
-"""Fields of a message record that precede the payload."""
+"""Format of the first fields of a message record, which precede the payload."""
 
 _INDEX_HEADER = struct.Struct('<HI')  # channel, bytes of the entries
 _INDEX_ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])
@@ -36,7 +36,7 @@ _DEFINITION_COST = 500  # bytes counted per definition, for its memory and readi
 
 
 class WalkedRecords(NamedTuple):
-    """Records and damage that a scan of consecutive records has found.
+    """Result of a scan of consecutive records: the records found, and damage.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class WalkedRecords(NamedTuple):
 
 @dataclass
 class ChunkIndexes:
-    """Content of the index records that follow one chunk.
+    """Offsets of the messages in a chunk, from the index records that follow the chunk.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class ChunkIndexes:
         return (starts, headers) if whole.all() and _have_headers(headers) else None
 
     def agree_with(self, starts: NDArray[np.int64]) -> bool:
-        """Return whether the index records list exactly the messages at `starts`, or none."""
+        """Return whether the index lists exactly the messages at `starts`, or no messages."""
         if not self.complete:
             return False
         if not self._offsets:
@@ -346,7 +346,7 @@ class McapWalk:
             position = next_chunk
 
     def _is_sound(self, opcode: int, length: int, in_summary: bool) -> bool:
-        """Return whether a record of this kind and length is valid in this part of the file."""
+        """Return whether a record of this kind and length may occur in this part of the file."""
         if opcode == Opcode.FOOTER:
             return length == FOOTER_SIZE
         if opcode == Opcode.DATA_END:
@@ -365,20 +365,20 @@ class McapWalk:
         if index == len(self._chunks) or self._chunks[index] >= self._size:
             return None
         lost = self._chunks[index] - position
-        self._report.add(f'is damaged: {lost} bytes at byte {position} are ignored', lost)
+        self._report.add(f'the {lost} bytes from byte {position} on are damaged and ignored', lost)
         return self._chunks[index]
 
     def _report_cut(self, position: int) -> None:
         rest = self._size - position
         self._report.add(
-            f'is cut off at byte {position} (the recorder may have been killed): the reader uses '
-            f'only the complete messages in its last {rest} bytes',
+            f'the file is cut off at byte {position} (the recorder may have been killed): the '
+            f'reader uses only the complete messages in the last {rest} bytes',
             rest,
         )
 
     def _report_unknown(self, position: int, opcode: int, length: int) -> None:
         self._report.add(
-            f'has a record of the unknown kind {opcode} at byte {position}: its {length} bytes '
-            'are ignored',
+            f'the reader ignores the record of {length} bytes at byte {position}, because its '
+            f'kind {opcode} is unknown',
             length,
         )

@@ -43,18 +43,18 @@ class DamageReport:
         self._lost = 0
 
     def add(self, what: str, lost: int = 0) -> None:
-        """Warn of a damage that `what` describes, with the number of bytes that are lost."""
+        """Warn of damage that the sentence `what` describes; `lost` is the number of lost bytes."""
         self.places += 1
         self._lost += lost
         if self.places <= _REPORTED:
-            warnings.warn(f'the file {self._path} {what}', BagWarning, stacklevel=2)
+            warnings.warn(f'file {self._path}: {what}', BagWarning, stacklevel=2)
 
     def finish(self) -> None:
         """Warn of the total damage if not every damage was reported individually."""
         if self.places > _REPORTED:
             warnings.warn(
-                f'the file {self._path} is damaged at {self.places} places; {self._lost} bytes are '
-                'ignored',
+                f'the file {self._path} is damaged at {self.places} places; the reader ignores '
+                f'{self._lost} bytes',
                 BagWarning,
                 stacklevel=2,
             )
@@ -65,7 +65,7 @@ _MOST = 8192  # messages per block, which limits the size of results
 
 @dataclass(frozen=True)
 class MessageBlock:
-    """Consecutive serialized messages of one topic of a bag.
+    """Consecutive serialized messages of one topic in a bag.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class MessageBlock:
     payloads: Payloads
 
     def chosen(self, which: NDArray[np.bool_]) -> 'MessageBlock':
-        """Return a block of the messages that are selected by a mask (K,)."""
+        """Return a block with only the messages that the mask (K,) selects."""
         return replace(
             self,
             log_time=self.log_time[which],
@@ -177,7 +177,8 @@ class ReadBudget:
         self._left -= size
         if self._left < 0:
             raise BagError(
-                f'the bag {self._path} needs more than {self._ratio:g} times its {self._size} '
-                'bytes in memory. The bag may be damaged or malicious; if you trust it, raise '
+                f'the bag {self._path} of {self._size} bytes needs more than {self._ratio:g} '
+                'times this size in memory. The bag may be damaged or malicious; if you trust '
+                'it, raise '
                 "the limit 'ratio'"
             )

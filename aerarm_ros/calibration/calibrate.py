@@ -66,7 +66,7 @@ class CalibrationOptions:
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Postures that are not used for the fit and only test the estimated geometry."""
+    """Postures for validation: the fit omits them, and they test the estimated geometry."""
 
     name: str
     observations: Observations
@@ -118,7 +118,7 @@ class Calibration:
 
     @property
     def as_drawn(self) -> dict[str, list[str]]:
-        """Names of the errors that are not estimated, grouped by the reason."""
+        """Names of the errors that are not estimated, grouped by the reason for the omission."""
         names, found = self.fit.geometry.names, self.found
         return {
             'insignificant': [names[k] for k in found.columns if k not in self.fit.free],
@@ -127,7 +127,7 @@ class Calibration:
         }
 
     def errors(self, fit: Fit, observations: Observations | None = None) -> tuple[float, float]:
-        """Return the RMS residuals of positions [m] and angles [rad] of a fit."""
+        """Return the RMS position residual [m] and the RMS angle residual [rad] of a fit."""
         observations = observations or self.observations
         return errors_of(observations.sources, fit.residuals(observations))
 
@@ -140,7 +140,7 @@ class Calibration:
         return np.asarray(((q >= low) & (q <= high)).all(axis=1))
 
     def marker_errors(self, observations: Observations) -> dict[str, float]:
-        """Return the RMS position error of each marker or pose [m]."""
+        """Return the RMS position error of each marker or body [m]."""
         found = {}
         for source, residual in zip(
             observations.sources, self.fit.residuals(observations), strict=True
@@ -150,7 +150,7 @@ class Calibration:
         return found
 
     def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:
-        """Return the estimated errors of one kind by joint, each with its standard deviation."""
+        """Return the estimated error of one kind and its standard deviation, by joint name."""
         fit = self.fit
         deviations = fit.deviations
         found = {}
@@ -217,7 +217,7 @@ def _hidden(found: Identifiable, geometry: ArmGeometry) -> list[str]:
     if not names:
         return []
     return [
-        f'the postures do not determine {", ".join(names)}, so these errors keep their nominal '
+        f'the postures do not determine the errors {", ".join(names)}, which keep their nominal '
         'values: record postures in which the neighbouring joints move further'
     ]
 
@@ -233,7 +233,7 @@ def _without_copies(observations: Observations) -> tuple[Observations, list[str]
 
 
 def _like(one: HeldOut, observations: Observations) -> HeldOut:
-    """Return the held-out postures with their markers in the order of the observations."""
+    """Return held-out postures with the markers in the order of the fitted observations."""
     sources = []
     for source in observations.sources:
         kind, name = type(source), source.name
@@ -241,8 +241,8 @@ def _like(one: HeldOut, observations: Observations) -> HeldOut:
         if not others:
             ignored = source.names if isinstance(source, MarkerSource) else (name,)
             raise CalibrationError(
-                f'{one.name} has no measurements of {name}: add them, or pass '
-                f'--ignore {" ".join(ignored)}'
+                f'the held-out postures {one.name} have no measurements of {name}: add '
+                f'measurements, or pass --ignore {" ".join(ignored)}'
             )
         other = others[0]
         if isinstance(source, MarkerSource):
@@ -250,7 +250,8 @@ def _like(one: HeldOut, observations: Observations) -> HeldOut:
             missing = [name for name in source.names if name not in other.names]
             if missing:
                 raise CalibrationError(
-                    f'{one.name} lacks marker {missing[0]}: add the columns of this marker'
+                    f'{one.name} lacks measurements of marker {missing[0]}: add the columns of '
+                    'this marker'
                 )
             order = [other.names.index(name) for name in source.names]
             other = replace(other, names=source.names, position=other.position[:, order])

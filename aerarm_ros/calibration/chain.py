@@ -47,7 +47,7 @@ def chain_of(
     locked: Sequence[str] = (),
     gravity_in_base: Sequence[float] = STANDARD_GRAVITY,
 ) -> Chain:
-    """Return the chain of recorded joints that moves a link.
+    """Return the chain of joints with recorded positions that moves a link.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _last_link(document: UrdfDocument, above: dict[str, UrdfJoint], known: Seque
 
 
 def _with_masses(text: str, links: Sequence[str]) -> tuple[str, bool]:
-    """Return the URDF with a mass for each of the links, and whether no mass was missing."""
+    """Return the URDF with a mass added to links without mass, and whether no mass was missing."""
     root = ET.fromstring(text)
     lacking = [
         element

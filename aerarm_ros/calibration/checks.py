@@ -35,7 +35,7 @@ _EXPLAINED = 0.2  # remaining fraction of the misfit after exchanging markers or
 
 
 def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
-    """Return the markers without duplicates, and a message about each duplicate."""
+    """Return the markers without duplicate markers, and a message about each duplicate."""
     kept: list[int] = []
     messages = []
     for k, name in enumerate(source.names):
@@ -59,7 +59,7 @@ def _same(one: Array, other: Array) -> bool:
 
 
 def check_count(observations: Observations) -> None:
-    """Check that enough postures have measurements, and every marker and source has at least one.
+    """Check that enough postures have measurements, and that every marker has a measurement.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def check_count(observations: Observations) -> None:
     seen = np.any([source.seen for source in observations.sources], axis=0)
     if int(seen.sum()) < FEWEST:
         raise CalibrationError(
-            f'only {int(seen.sum())} postures have measurements, but the base frame alone needs '
+            f'only {int(seen.sum())} postures have measurements, fewer than the minimum of '
             f'{FEWEST}: record at least 15 postures (40 are better)'
         )
     for source in observations.sources:
@@ -86,7 +86,7 @@ def check_count(observations: Observations) -> None:
 
 
 def check_positions(observations: Observations, geometry: ArmGeometry) -> list[str]:
-    """Return warnings about joints beyond their limits.
+    """Return warnings about recorded joint positions beyond the joint limits of the URDF.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def check_positions(observations: Observations, geometry: ArmGeometry) -> list[s
         if not geometry.is_prismatic(i) and np.abs(q).max() > _LARGEST_TURN:
             raise CalibrationError(
                 f'joint {joint} reaches {np.abs(q).max():.0f} rad: positions look like degrees; '
-                f'pass --degrees, or state the unit in the column name, as {joint} [deg]'
+                f'pass --degrees, or state the unit in the column name, as in {joint} [deg]'
             )
         beyond = max(q.max() - robot.position_max[i], robot.position_min[i] - q.min())
         if beyond > 0.1:
@@ -119,7 +119,7 @@ def check_positions(observations: Observations, geometry: ArmGeometry) -> list[s
 
 
 def check_units(observations: Observations, geometry: ArmGeometry) -> None:
-    """Check that the markers move about as far as the model of the arm.
+    """Check that the measured motion of markers is about as large as the motion of the model.
 
     Raises
     ------
@@ -138,13 +138,13 @@ def check_units(observations: Observations, geometry: ArmGeometry) -> None:
         if predicted > 0.0 and _MILLIMETRES[0] < measured / predicted < _MILLIMETRES[1]:
             raise CalibrationError(
                 f'{source.name}: measured positions vary by {measured:.0f}, but the arm moves by '
-                f'{predicted:.2g} m, so they look like millimetres; pass --length-unit mm, or '
-                'state the unit in the column names, as x1 [mm]'
+                f'{predicted:.2g} m, so the positions look like millimetres; pass --length-unit '
+                'mm, or state the unit in the column names, as in x1 [mm]'
             )
 
 
 def check_rigid(observations: Observations, *held_out: Observations) -> None:
-    """Check that the distances between markers are the same in all postures, also held-out ones.
+    """Check that the distances between markers are equal in all fitted and held-out postures.
 
     Raises
     ------
@@ -195,13 +195,14 @@ def _check_distances(names: Sequence[str], positions: Array, labels: Sequence[st
     suspects = [name for name, n in zip(names, counts, strict=True) if n == max(counts)]
     who = f'marker {" or ".join(suspects)}'
     raise CalibrationError(
-        f'{where}: {who} jumps by {1e3 * off:.0f} mm relative to the others; leave '
-        f'its cells empty in these postures, or remove it with --ignore {names[marker]}'
+        f'{where}: {who} jumps by {1e3 * off:.0f} mm relative to the other markers; leave the '
+        'cells of this marker empty in these postures, or remove the marker with --ignore '
+        f'{names[marker]}'
     )
 
 
 def check_misfit(fit: Fit) -> None:
-    """Check that the URDF matches the arm, that no marker jumps, and that no two are swapped.
+    """Check that the URDF matches the arm, and that no markers jump or are swapped.
 
     Parameters
     ----------
@@ -244,31 +245,34 @@ def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
     marker = int(np.nanargmax(off[row]))
     raise CalibrationError(
         f'{where}: marker {source.names[marker]} jumps by '
-        f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures; leave its cells '
-        'empty in these postures, or remove postures in which the arm moved'
+        f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures; leave the cells of '
+        'this marker empty in these postures, or remove postures in which the arm moved'
     )
 
 
 def _where(labels: Sequence[str], rows: npt.NDArray[np.intp]) -> str:
-    """Return the label of the first of several postures, and the number of the others."""
+    """Return the label of the first of several postures, with the number of the others."""
     return labels[int(rows[0])] + (f' (and in {len(rows) - 1} more)' if len(rows) > 1 else '')
 
 
 def _swapped(where: str, one: str, other: str) -> CalibrationError:
     return CalibrationError(
-        f'{where}: markers {one} and {other} are swapped; exchange them in these rows, or label '
-        'them again in the motion capture software'
+        f'{where}: markers {one} and {other} are swapped; exchange both markers in these rows, or '
+        'label them again in the motion capture software'
     )
 
 
 def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
     text = (
-        f'the URDF does not describe this arm: of {1e3 * reach:.0f} mm of motion, '
-        f'{1e3 * typical:.0f} mm remain unexplained'
+        f'the URDF does not describe this arm: the link moves by {1e3 * reach:.0f} mm, but the '
+        f'model leaves {1e3 * typical:.0f} mm unexplained'
     )
     joint = _turning_back(fit, typical)
     if joint:
-        return f'{text}; joint {joint} may turn the other way: check its sign and its axis'
+        return (
+            f'{text}; joint {joint} may turn in the opposite direction: check sign and axis of '
+            'this joint'
+        )
     return (
         f'{text}; check that the URDF, joint columns, units and the marker link (--link '
         f'{fit.geometry.link}) belong together'
@@ -276,7 +280,7 @@ def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
 
 
 def _turning_back(fit: Fit, typical: float) -> str:
-    """Return the joint whose opposite sign explains most of the motion; '' if there is none."""
+    """Return the joint whose reversed sign would explain most of the misfit; '' if none would."""
     from aerarm_ros.calibration.fit import registered
 
     observations = fit.observations

@@ -1,4 +1,4 @@
-"""Choice of the geometric errors to estimate: those that improve the prediction of new postures."""
+"""Choice of the geometric errors whose estimation improves the prediction of new postures."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _GAIN = 0.5  # standard errors by which a larger model must predict better
 _LEAST_GAIN = 0.015  # fraction by which the prediction errors of a larger model must be smaller
 
 LEVELS = {'frames': (), 'offsets': ('offset',), 'geometry': ('offset', *LINK_GEOMETRY)}
-"""Kinds of geometric errors at each level of a calibration."""
+"""Kinds of geometric errors that a calibration estimates, by the option `level`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Identifiable:
-    """Geometric errors, divided into those that the postures identify and those that they do not.
+    """Geometric errors, divided into identifiable and non-identifiable ones.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Identifiable:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """Set of geometric errors to estimate, with its prediction error on held-out postures.
+    """Set of geometric errors to estimate, with the prediction error on held-out postures.
 
     Attributes
     ----------
@@ -107,14 +107,14 @@ def check_unknowns(start: Fit) -> None:
     for name, share in zip(start.names, left, strict=True):
         if share < _DEPENDENT:
             raise CalibrationError(
-                f'{name} cannot be estimated: {len(start.observations)} postures are too few or '
-                'too similar; record at least 15 postures in which every joint moves by more '
-                'than 0.5 rad'
+                f'{name} cannot be estimated, because the {len(start.observations)} postures are '
+                'too few or too similar: record at least 15 postures in which every joint moves '
+                'by more than 0.5 rad'
             )
 
 
 def check_offsets(start: Fit, found: Identifiable) -> list[str]:
-    """Check that the postures identify the joint offsets; return warnings about uncertain ones.
+    """Check that the postures identify the joint offsets; return warnings about uncertain offsets.
 
     Raises
     ------
@@ -148,20 +148,20 @@ def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
         if moved[k] < (_STILL if not geometry.is_prismatic(k) else 0.1 * _STILL)
     ]
     advice = (
-        f'{", ".join(still)} hardly moves: move every joint further'
+        f'move every joint further, above all {", ".join(still)}'
         if still
         else 'record more postures, in which all joints move further'
     )
     return (
-        f'{name} cannot be estimated{uncertain}: {len(start.observations)} postures are too few or '
-        f'too similar; {advice}'
+        f'{name} cannot be estimated{uncertain}, because the {len(start.observations)} postures '
+        f'are too few or too similar: {advice}'
     )
 
 
 def chosen(
     start: Fit, level: str, compliance: bool, eccentricity: bool
 ) -> tuple[Candidate, list[Candidate]]:
-    """Return the set of errors that predicts best, and all sets that were tried.
+    """Return the set of geometric errors that predicts best, and all sets that were tried.
 
     In each model, errors within 1.4 standard deviations of nominal are set to nominal, as long as
     the prediction of held-out postures does not worsen. A larger model is chosen only if the mean
@@ -199,7 +199,7 @@ def chosen(
 def _models(
     names: Sequence[str], compliance: bool, eccentricity: bool
 ) -> list[tuple[str, tuple[str, ...]]]:
-    """Return the models to try, the smallest first, as names with the kinds of their errors."""
+    """Return name and kinds of errors of each model to try, the smallest model first."""
     extras: list[tuple[str, tuple[str, ...]]] = [('', ())]
     if compliance:
         extras.append((' + compliance', ('compliance',)))
@@ -214,7 +214,7 @@ def _models(
 
 
 def insignificant(fit: Fit) -> list[int]:
-    """Return the free errors within 1.4 standard deviations of zero, the least significant first.
+    """Return the estimated errors within 1.4 standard deviations of zero, the smallest first.
 
     After each removal the remaining errors are updated as in a fit without the removed error.
     """
@@ -240,7 +240,7 @@ def insignificant(fit: Fit) -> list[int]:
 
 
 def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
-    """Return the residuals (M, K) of each source, each posture predicted by a fit without it."""
+    """Return residuals (M, K) of each source; the fit for a posture omits the posture itself."""
     observations, count = start.observations, len(start.observations)
     order = np.random.default_rng(0).permutation(count)
     found = [np.full_like(residual, np.nan) for residual in start.residuals()]
@@ -254,7 +254,7 @@ def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
 
 
 def errors_of(sources: Sequence[Source], residuals: Sequence[Array]) -> tuple[float, float]:
-    """Return the RMS residuals of positions [m] and of angles [rad], both as vector norms."""
+    """Return the RMS norms of position residuals [m] and of angle residuals [rad]."""
     position, angle = (
         [
             norm
@@ -302,18 +302,18 @@ def _without_insignificant(
 
 
 def _is_implausible(fit: Fit, place: int, value: float) -> bool:
-    """Return whether the value of an error means that a joint has a negative stiffness."""
+    """Return whether the value is a negative compliance of a joint, which is impossible."""
     return fit.geometry.names[fit.free[place]].endswith('.compliance') and value < 0.0
 
 
 def _has_effect(geometry: ArmGeometry, column: int) -> bool:
-    """Return whether the error is part of the model: prismatic joints have no eccentricity."""
+    """Return whether the error exists for this joint: prismatic joints have no eccentricity."""
     joint, kind = divmod(column, len(KINDS))
     return not (geometry.is_prismatic(joint) and KINDS[kind] in ECCENTRICITY)
 
 
 def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list[int]:
-    """Return the errors whose effect differs from that of the unknowns and of earlier errors."""
+    """Return the errors whose effect no combination of unknowns and earlier errors reproduces."""
     rows = free_columns(start, wanted)
     count = len(wanted)
     basis = _orthonormal(rows[:, count:])

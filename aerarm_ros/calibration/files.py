@@ -24,13 +24,13 @@ _HEADER = """\
 # Calibrated geometry. SI units; each estimate is [value, standard deviation].
 # offsets: added to the recorded joint positions. geometry: displacement x, y, z and rotation
 # vector rx, ry, rz of a joint's frame, along the axes of the frame in the original URDF.
-# compliance: deflection of a joint per gravity torque.
+# compliance: deflection of a joint per gravity torque at the joint.
 # All other errors are zero: they are insignificant, or the measurements cannot separate them from
 # the errors listed above.
 """
 _CONFIG_HEADER = (
-    "# The arm's configuration with calibrated offsets. Use it with calibrated.urdf of this\n"
-    '# folder, which has no offsets. The comments are only in the original configuration.\n'
+    "# The arm's configuration with calibrated offsets. Use this file with calibrated.urdf of\n"
+    '# this folder, which has no offsets. Comments of the original configuration are omitted.\n'
 )
 
 
@@ -57,7 +57,7 @@ def calibrated_urdf(calibration: Calibration, with_offsets: bool) -> str:
     written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
     after = calibration.errors(fit)[0]
     note = (
-        f'<!-- {CALIBRATED}: {calibration.best.name}, {1e3 * after:.3g} mm RMS at the markers -->'
+        f'<!-- {CALIBRATED}: {calibration.best.name}, RMS position error {1e3 * after:.3g} mm -->'
     )
     before = ''.join(line for line in before_root(text).splitlines(True) if CALIBRATED not in line)
     return f'{before}{note}\n{written}\n'
@@ -127,7 +127,7 @@ def config_yaml(calibration: Calibration, source: Path) -> str:
 
 
 def summary(calibration: Calibration) -> dict[str, Any]:
-    """Return the results of a calibration as a dictionary of numbers and texts."""
+    """Return the results of a calibration as a dictionary, for a JSON or YAML file."""
     fit = calibration.fit
     return {
         'model': calibration.best.name,
@@ -152,7 +152,7 @@ def summary(calibration: Calibration) -> dict[str, Any]:
 
 
 def errors_summary(calibration: Calibration) -> dict[str, Any]:
-    """Return RMS errors before and after calibration [mm], [mrad], also in held-out postures."""
+    """Return RMS errors before and after calibration [mm], [mrad] by group of postures."""
     found: dict[str, Any] = {}
     for name, observations in calibration.groups.items():
         before = calibration.errors(calibration.registration, observations)
@@ -170,7 +170,7 @@ def errors_summary(calibration: Calibration) -> dict[str, Any]:
 
 
 def frames(fit: Fit) -> dict[str, Any]:
-    """Return, for each sensor, the base in the sensor's frame and the markers in the link's."""
+    """Return each sensor's pose of the arm's base, and the marker positions on the link."""
     found: dict[str, Any] = {}
     for source, state in zip(fit.observations.sources, fit.states, strict=True):
         if isinstance(source, PlaneSource):

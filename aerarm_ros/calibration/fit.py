@@ -53,12 +53,12 @@ class Fit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the free errors, then of the unknowns of all sources."""
+        """Names of the estimated geometric errors, then of the unknowns of all sources."""
         unknowns = [name for s in self.observations.sources for name in s.unknowns]
         return (*(self.geometry.names[k] for k in self.free), *unknowns)
 
     def residuals(self, observations: Observations | None = None) -> list[Array]:
-        """Return the residuals (M, K) of each source [m], [rad], by default of fitted postures."""
+        """Return the residuals (M, K) of each source [m], [rad]; default: the fitted postures."""
         observations = observations or self.observations
         poses = self.geometry.poses(observations.q, self.errors)
         return [
@@ -67,14 +67,14 @@ class Fit:
         ]
 
     def jacobian(self, observations: Observations | None = None) -> list[Array]:
-        """Return the derivatives (M, K, free + unknowns) of the residuals of each source."""
+        """Return each source's residual derivatives by errors and unknowns: (M, K, len(names))."""
         observations = observations or self.observations
         poses = self.geometry.poses(observations.q, self.errors, with_jacobian=True)
         return _jacobians(self, observations, poses)
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance matrix of the free errors and unknowns, in the order of `names`.
+        """Covariance matrix of the estimated errors and unknowns, in the order of `names`.
 
         Each standard deviation is the larger of two: that of `repeats` equal residuals, and that
         of the observed correlation within a posture (cluster-robust, Liang and Zeger 1986, with
@@ -97,7 +97,7 @@ class Fit:
 
     @property
     def deviations(self) -> Array:
-        """Standard deviations of the free errors and unknowns, in the order of `names`."""
+        """Standard deviations of the estimated errors and unknowns, in the order of `names`."""
         return np.sqrt(np.diag(self.covariance))
 
     def _weighted(self) -> tuple[Array, Array, Array]:
@@ -168,7 +168,7 @@ def fitted(start: Fit, free: Sequence[int], observations: Observations | None = 
 
 
 def free_columns(fit: Fit, columns: Sequence[int]) -> Array:
-    """Return the derivatives of all valid residuals with respect to `columns` and all unknowns.
+    """Return the derivatives of the residuals by the errors `columns` and all unknowns.
 
     Each row is divided by the measurement noise, and each column is multiplied by the typical
     size of its error: (N, errors + unknowns).
@@ -235,7 +235,7 @@ def _stepped(fit: Fit, step: Array) -> Fit:
 
 
 def _with_noise(fit: Fit) -> Fit:
-    """Return the fit with noise and correlation estimated from the residuals.
+    """Return the fit with measurement noise and correlation estimated from its residuals.
 
     The noise is estimated by the median absolute deviation.
     """
@@ -259,7 +259,7 @@ def _with_noise(fit: Fit) -> Fit:
 
 
 def _repeats(fit: Fit) -> float:
-    """Return the mean design effect of all sources, which is the value of `Fit.repeats`.
+    """Return the mean design effect of all sources, for the attribute `Fit.repeats`.
 
     The independent measurements of a posture are counted by the participation ratio
     ``tr(S)^2 / tr(S^2)`` of the residuals' second moments S, without the bias of a finite number
@@ -305,7 +305,7 @@ def _jacobians(fit: Fit, observations: Observations, poses: LinkPoses) -> list[A
 
 
 def _inverse(matrix: Array) -> Array:
-    """Return the inverse of a symmetric matrix whose rows differ widely in magnitude."""
+    """Return the inverse of a symmetric matrix with rows of widely different magnitude."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)

@@ -1,4 +1,4 @@
-"""Geometric errors of an arm, and their effect on the pose of a link."""
+"""Geometric errors of an arm, and the effect of these errors on the pose of a link."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
 KINDS = ('offset', 'x', 'y', 'z', 'rx', 'ry', 'rz', 'compliance', 'sin', 'cos')
-"""Kinds of errors of a joint, in the order in which the calibration tries them.
+"""Kinds of geometric errors of a joint, in the order in which the calibration adds them.
 
 offset
     Added to the recorded position [rad], of a prismatic joint [m].
@@ -29,7 +29,7 @@ ECCENTRICITY = ('sin', 'cos')
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Typical deviations of an arm's geometry from its URDF (standard deviations).
+    """Expected standard deviations of an arm's geometry from the geometry in its URDF.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ _POSTURES = 200  # number of random postures in which the largest gravity torque
 
 @dataclass(frozen=True, eq=False)
 class LinkPoses:
-    """Poses of a link in the base frame, with derivatives by the geometric errors.
+    """Poses of a link in the base frame, with derivatives with respect to the geometric errors.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class ArmGeometry:
         return np.array([pin.computeGeneralizedGravity(model, data, row).copy() for row in q])
 
     def poses(self, q: Array, errors: Array, with_jacobian: bool = False) -> LinkPoses:
-        """Return the link's poses, optionally with derivatives.
+        """Return the link's poses for joint positions and errors, optionally with derivatives.
 
         Parameters
         ----------
@@ -207,7 +207,7 @@ class ArmGeometry:
         return LinkPoses(rotation, position, self._jacobian(q, regressor, inner))
 
     def placed(self, errors: Array) -> tuple[Any, list[Array]]:
-        """Return a pinocchio.Model with displaced joints, and derivatives (6, 6) per joint."""
+        """Return a pinocchio.Model with displaced joints, and a (6, 6) derivative per joint."""
         model = self.robot.model.copy()
         inner = []
         for i, value in enumerate(errors.reshape(self._count, len(KINDS))):

@@ -59,7 +59,7 @@ class FramePose:
 
     @property
     def rpy(self) -> Array:
-        """Roll, pitch and yaw (3,) [rad], as in a URDF."""
+        """Roll, pitch and yaw (3,) [rad], in the convention of URDF."""
         return np.asarray(Rotation.from_matrix(self.rotation).as_euler('xyz'))
 
 
@@ -159,12 +159,12 @@ def calibrate_mount(
 
 
 def _check_deviations(fit: Fit) -> Array:
-    """Return the standard deviations of mount and markers; reject an uncertain mount."""
+    """Return the standard deviations of mount and marker positions; reject an uncertain mount."""
     deviations = fit.deviations
     position, rotation = max(deviations[:3]), max(deviations[3:6])
     if position > _UNCERTAIN_POSITION or rotation > _UNCERTAIN_ROTATION:
         raise CalibrationError(
-            f'the recording determines the mount only within {1e3 * position:.0f} mm and '
+            f'the estimated mount is uncertain by {1e3 * position:.0f} mm and '
             f'{1e3 * rotation:.0f} mrad: move every joint by more than 0.5 rad'
         )
     return deviations
@@ -198,13 +198,14 @@ def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuRe
     if agreement < 0.5:
         raise CalibrationError(
             'the rotations of IMU and drone disagree: check that --imu and --drone-pose belong '
-            'to one drone, and that it turns by 20 degrees about two axes'
+            'to one drone, and that the drone turns by 20 degrees about two axes'
         )
     own_time = time - late
     first, last = max(own_time[0], drone.time[0]) + 0.3, min(own_time[-1], drone.time[-1]) - 0.3
     if last - first < 5.0:
         raise CalibrationError(
-            'IMU and drone poses overlap for less than 5 s: record both at the same time'
+            'the recordings of IMU and drone poses overlap for less than 5 s: record both at the '
+            'same time'
         )
     grid = np.arange(first, last, 1.0 / _RATE)
 
@@ -223,7 +224,7 @@ def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuRe
 
 
 class _ImuData:
-    """IMU samples and drone poses on a common time grid, smoothed by a common window."""
+    """IMU samples and drone poses on a common time grid, smoothed by the same window."""
 
     def __init__(self, drone: Track, time: Array, rate: Array, force: Array, grid: Array) -> None:
         assert drone.rotation is not None
@@ -247,7 +248,7 @@ class _ImuData:
         self.lever = self.second(self.rotation.reshape(len(grid), 9)).reshape(-1, 3, 3)
 
     def smooth(self, values: Array) -> Array:
-        """Return values smoothed by the window, without the samples at both ends."""
+        """Return the smoothed values, without the samples at both ends."""
         return np.asarray(gaussian_filter1d(values, self._sigma, axis=0)[self.inside])
 
     def second(self, values: Array) -> Array:
@@ -295,7 +296,7 @@ def _solved_imu(data: _ImuData, late: float) -> ImuResult:
 def _weighted_step(
     data: _ImuData, rotation: Array, rate_bias: Array, force: Array, columns: Array, values: Array
 ) -> tuple[Array, Array]:
-    """Return a Gauss-Newton step (12,) of the IMU's unknowns, and its covariance.
+    """Return a Gauss-Newton step (12,) of the IMU's unknowns, and the step's covariance.
 
     Smoothed samples are correlated within the window, so only the independent ones count.
     """
@@ -317,7 +318,7 @@ def _weighted_step(
 
 
 def _rotation_by_rates(data: _ImuData) -> tuple[Array, Array, float]:
-    """Return rotation of the IMU on the body, gyroscope bias and residual (Kabsch's method)."""
+    """Return the IMU's rotation on the body, gyroscope bias and residual (Kabsch's method)."""
     body = data.body_rate - data.body_rate.mean(axis=0)
     own = data.own_rate - data.own_rate.mean(axis=0)
     strength = np.linalg.svd(body, compute_uv=False) / np.sqrt(len(body))
@@ -342,7 +343,7 @@ def _body_rates(drone: Track) -> tuple[Array, Array]:
 
 
 def _rate_offset(time: Array, rate: Array, other_time: Array, other: Array) -> tuple[float, float]:
-    """Return the time by which the stamps of `other` lag behind those of `rate` [s]."""
+    """Return the delay [s] of the stamps of `other` relative to `rate`, and the correlation."""
     speeds = [np.linalg.norm(values, axis=1) for values in (rate, other)]
     # `time_offset` differentiates its input, so pass total angles.
     walks = [
@@ -354,14 +355,14 @@ def _rate_offset(time: Array, rate: Array, other_time: Array, other: Array) -> t
 
 
 def _in_body(track: Track, drone: Track) -> Track:
-    """Return the track of a marker in the body frame of the drone."""
+    """Return a marker's positions over time in the body frame of the drone."""
     assert drone.rotation is not None
     inside = (track.time >= drone.time[0]) & (track.time <= drone.time[-1])
     inside &= np.isfinite(track.position).all(axis=1)
     if inside.sum() < 50:
         raise CalibrationError(
-            f'only {int(inside.sum())} motion-capture frames show both {track.name} and the drone: '
-            'record both for at least 20 s'
+            f'only {int(inside.sum())} motion-capture frames contain both marker {track.name} and '
+            'the drone: record both for at least 20 s'
         )
     time = track.time[inside]
     turn = Slerp(drone.time, Rotation.from_matrix(drone.rotation))(time)
@@ -393,7 +394,7 @@ def _interpolated(at: Array, time: Array, values: Array) -> Array:
 
 _HEADER = """\
 # Drone configuration with the calibrated pose of the arm's base (mount) or of the IMU, or both,
-# in place of the nominal pose. The comments are only in the original configuration.
+# in place of the nominal poses. Comments of the original configuration are omitted.
 """
 
 

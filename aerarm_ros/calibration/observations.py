@@ -24,7 +24,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 class CalibrationError(ValueError):
-    """Error for unusable data or options; the message names the faulty entry and what to check."""
+    """Error for unusable data or options; the message states the faulty entry and what to check."""
 
 
 _AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
@@ -35,7 +35,7 @@ _REFINED = 6
 
 @dataclass(frozen=True, eq=False)
 class Source(ABC):
-    """Measurements of one sensor in M postures; a missing measurement is NaN.
+    """Measurements of one sensor in M postures (abstract); a missing measurement is NaN.
 
     Attributes
     ----------
@@ -60,19 +60,18 @@ class Source(ABC):
 
     @abstractmethod
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
-        """Return predicted minus measured values (M, K) [m], [rad]; NaN for missing readings."""
+        """Return predicted minus measured values (M, K) [m], [rad]; NaN if not measured."""
 
     @abstractmethod
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """Return the derivatives (M, K, P) and (M, K, U) of the residuals.
+        """Return the derivatives of the residuals by the geometric errors and unknowns.
 
-        The first array contains derivatives with respect to the P geometric errors, the second
-        with respect to the U unknowns of the source.
+        The arrays are (M, K, P) for P geometric errors, and (M, K, U) for U unknowns of the source.
         """
 
     @abstractmethod
     def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
-        """Return the smallest squared residual for a base rotation (3, 3), and the best state."""
+        """Return the least squared residual and the best state for a base rotation (3, 3)."""
 
     def register(self, poses: LinkPoses) -> Array:
         """Return the initial state (S,) of the source, from measurements and nominal poses.
@@ -85,11 +84,11 @@ class Source(ABC):
 
     @abstractmethod
     def moved(self, state: Array, step: Array) -> Array:
-        """Return the state of the source after a step (U,) of its unknowns."""
+        """Return the state of the source changed by a step (U,) of its unknowns."""
 
     @abstractmethod
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return a source with only the postures `index`."""
+        """Return a source that contains only the postures `index`."""
 
     @property
     @abstractmethod
@@ -97,11 +96,11 @@ class Source(ABC):
         """Mask (M,) of postures with measurements."""
 
     def sigma(self, length: float, angle: float) -> Array:
-        """Return the noise of each residual (K,), given that of lengths [m] and angles [rad]."""
+        """Return each residual's noise (K,), which depends on whether it is a length or angle."""
         return np.array([length if unit == 'm' else angle for _, unit in self.channels])
 
     def norms(self, residuals: Array, unit: str) -> dict[str, Array]:
-        """Return the vector norm (M,) of the residuals of each marker or body in one unit."""
+        """Return the vector norm (M,) of each marker's or body's residuals that have this unit."""
         groups: dict[str, list[int]] = {}
         for k, (channel, own) in enumerate(self.channels):
             if own == unit:
@@ -146,7 +145,7 @@ class MarkerSource(Source):
         return np.asarray((predicted - self.position).reshape(len(self.position), -1))
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """Return the derivatives of the residuals, see `Source.jacobians`."""
+        """Return the derivatives of the residuals by geometric errors and by the unknowns."""
         assert poses.jacobian is not None
         rotation, _, places = _split(state)
         count, markers = len(self.position), len(self.names)
@@ -183,14 +182,14 @@ class MarkerSource(Source):
         return cost, np.concatenate([rotation.ravel(), solution])
 
     def moved(self, state: Array, step: Array) -> Array:
-        """Return the state after a step of base frame and marker positions."""
+        """Return the state changed by a step (U,) of base frame and marker positions."""
         first = 0 if self.base_known else 6
         moved = _moved_base(state, step[:first])
         moved[12:] += step[first:]
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return a source with only the postures `index`."""
+        """Return a source that contains only the postures `index`."""
         return replace(self, position=self.position[index])
 
     @property
@@ -225,7 +224,7 @@ class PoseSource(Source):
 
     @property
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """Names and units of the residuals: position and rotation vector of the pose."""
+        """Names and units of the six residuals: three of position, three of rotation."""
         return tuple(
             (f'{self.name} {axis}', 'rad' if axis.startswith('r') else 'm') for axis in _AXES
         )
@@ -241,7 +240,7 @@ class PoseSource(Source):
         return residuals
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """Return the derivatives of the residuals, to first order in the rotation residual."""
+        """Return derivatives of the residuals by errors and unknowns, for small rotations."""
         assert poses.jacobian is not None
         base, _, attached = _split_poses(state)
         lever = poses.rotation @ attached[1]
@@ -266,7 +265,7 @@ class PoseSource(Source):
         return by_errors, by_unknowns
 
     def _inverse_derivative(self, poses: LinkPoses, state: Array) -> Array:
-        """Return the derivatives (M, 6, 6) of the inverse pose with respect to the pose."""
+        """Return the derivatives (M, 6, 6) of the inverse poses by the poses."""
         rotation, position = self._predicted(poses, state)
         result = np.zeros((len(position), 6, 6))
         result[:, :3, :3] = -rotation
@@ -309,7 +308,7 @@ class PoseSource(Source):
         return cost, np.concatenate(state)
 
     def moved(self, state: Array, step: Array) -> Array:
-        """Return the state after a step of base frame and attached frame."""
+        """Return the state changed by a step (U,) of base frame and attached frame."""
         first = 0 if self.base_known else 6
         moved = _moved_base(state, step[:first])
         moved[21:] += step[first : first + 3]
@@ -318,7 +317,7 @@ class PoseSource(Source):
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return a source with only the postures `index`."""
+        """Return a source that contains only the postures `index`."""
         return replace(self, rotation=self.rotation[index], position=self.position[index])
 
     @property
@@ -330,7 +329,7 @@ class PoseSource(Source):
 
 @dataclass(frozen=True, eq=False)
 class PlaneSource(Source):
-    """Contacts between a point of the link and a plane, both at unknown positions.
+    """Contacts between a point of the link and a plane; both have unknown positions.
 
     The plane's equation in the base frame is ``n . x = d``, and the residual is the distance of
     the point from the plane.
@@ -361,7 +360,7 @@ class PlaneSource(Source):
         return np.where(self.seen, distance, np.nan)[:, None]
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """Return the derivatives of the residuals, see `Source.jacobians`."""
+        """Return the derivatives of the distances by geometric errors and by the unknowns."""
         assert poses.jacobian is not None
         normal, lever = state[:3], poses.rotation @ state[4:]
         point = poses.position + lever
@@ -388,7 +387,7 @@ class PlaneSource(Source):
         return cost, np.concatenate([normal, solution[3:], solution[:3]])
 
     def moved(self, state: Array, step: Array) -> Array:
-        """Return the state after a step of plane and point."""
+        """Return the state changed by a step (U,) of plane and point."""
         moved = state.copy()
         normal = state[:3] + _tangents(state[:3]).T @ step[:2]
         moved[:3] = normal / np.linalg.norm(normal)
@@ -396,7 +395,7 @@ class PlaneSource(Source):
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return a source with only the postures `index`."""
+        """Return a source that contains only the postures `index`."""
         return replace(self, touches=self.touches[index])
 
     @property
@@ -434,7 +433,7 @@ class Observations:
         return len(self.q)
 
     def rows(self, index: Sequence[int] | npt.NDArray[Any]) -> Observations:
-        """Return observations with only the postures `index`."""
+        """Return observations that contain only the postures `index`."""
         places = np.asarray(index)
         if places.dtype == bool:
             places = np.flatnonzero(places)
@@ -461,7 +460,7 @@ def _split_poses(state: Array) -> tuple[Array, Array, tuple[Array, Array]]:
 
 
 def _moved_base(state: Array, step: Array) -> Array:
-    """Return a copy of the state with the base frame displaced and rotated by `step`."""
+    """Return a copy of a source's state with the base frame displaced and rotated by `step`."""
     moved = state.copy()
     if len(step):
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
@@ -471,7 +470,7 @@ def _moved_base(state: Array, step: Array) -> Array:
 
 
 def _best_start(linear: Callable[[Array], tuple[float, Array]]) -> Array:
-    """Return the state with the smallest residual, searched from random base rotations."""
+    """Return the source's state with the least residual, found from random base rotations."""
     generator = np.random.default_rng(0)
     starts = Rotation.random(_STARTS, rng=generator)
     best = min((linear(rotation) for rotation in starts.as_matrix()), key=lambda one: one[0])

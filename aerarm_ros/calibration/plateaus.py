@@ -1,4 +1,4 @@
-"""Postures at rest in a recording, and the time offset between its sensors."""
+"""Rest periods in a recording, and the time offset between recorded sensors."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class RestingArm:
 
 
 def resting_arm(time: Array, q: Array) -> RestingArm:
-    """Return periods of 0.4 s or more in which no joint moves by more than 2 mrad within 0.25 s.
+    """Return rest periods: 0.4 s or more, joint motion within any 0.25 s at most 2 mrad.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def resting_arm(time: Array, q: Array) -> RestingArm:
 
 
 def time_offset(time: Array, q: Array, track: Track) -> tuple[float, float]:
-    """Return the time by which the stamps of a track lag behind the stamps of the joint states.
+    """Return the delay of a track's stamps relative to the stamps of the joint states.
 
     The delay aligns the speed of the track with the speed of the joints. The maximum of the
     cross-correlation of both speeds, interpolated by a parabola, gives the delay.
@@ -154,8 +154,8 @@ def rest_observations(
     """
     if not len(rests.q):
         raise CalibrationError(
-            f'the arm never rests for {_SHORTEST:g} s: stop in each posture for one second, as '
-            '`arm calibrate` does'
+            f'the recording has no rest period of {_SHORTEST:g} s: let the arm rest for one '
+            'second in each posture, as `arm calibrate` does'
         )
     markers = [track for track in tracks if track.rotation is None]
     sources: list[Source] = []
@@ -210,7 +210,7 @@ def _robust_mean(values: Array) -> Array:
 
 
 def _speed(grid: Array, time: Array, values: Array) -> Array:
-    """Return the smoothed speed at the grid times minus its mean; 0 where not recorded."""
+    """Return the smoothed speed at the grid times, without its mean; 0 outside the recording."""
     order = np.argsort(time, kind='stable')
     on_grid = np.column_stack([np.interp(grid, time[order], column[order]) for column in values.T])
     width = max(1, round(_SMOOTH * _RATE))
@@ -223,7 +223,7 @@ def _speed(grid: Array, time: Array, values: Array) -> Array:
 
 
 def _correlation(one: Array, other: Array, lags: int) -> Array:
-    """Return the correlations of `one` with `other`, which is delayed by -lags to lags samples."""
+    """Return the correlations of `one` with `other` for delays from -lags to lags samples."""
     size = 1 << int(np.ceil(np.log2(len(one) + len(other))))
     product = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
     whole = np.fft.irfft(product, size)

@@ -1,4 +1,4 @@
-"""Choice of the postures of a calibration by D-optimality."""
+"""Choice of calibration postures by D-optimality (largest determinant of the information)."""
 
 from __future__ import annotations
 
@@ -110,7 +110,9 @@ def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callabl
     """
     length = float(np.linalg.norm(normal))
     if length == 0.0:
-        raise CalibrationError('the normal of the marker is 0 0 0: give a direction')
+        raise CalibrationError(
+            'the normal of the marker is 0 0 0: pass a vector of non-zero length'
+        )
     errors = np.zeros(len(geometry.names))
 
     def is_visible(q: Array) -> bool:
@@ -139,16 +141,18 @@ def _candidates(
         if is_allowed(posture) and (is_visible is None or is_visible(posture)):
             found.append(posture)
     if len(found) < 2 * count:
-        camera = ", the camera position and the marker's normal" if is_visible else ''
+        advice = 'check the clearances and the ground'
+        if is_visible:
+            advice = "check the clearances, the ground, the camera position and the marker's normal"
         raise CalibrationError(
             f'only {len(found)} of {tried} random postures are free of collisions and visible: '
-            f'check the clearances and the ground{camera}, or request fewer than {count} postures'
+            f'{advice}, or request fewer than {count} postures'
         )
     return np.array(found)
 
 
 def _assumed(geometry: ArmGeometry, q: Array) -> Fit:
-    """Return a fit of the nominal arm in the postures q, with three assumed markers on the link."""
+    """Return a fit without errors, for the nominal arm with three assumed markers on the link."""
     names = ('a', 'b', 'c')
     source = MarkerSource('mocap', names, np.zeros((len(q), len(names), 3)))
     state = np.concatenate([np.eye(3).ravel(), np.zeros(3), np.ravel(_PLACES)])
@@ -194,7 +198,7 @@ def _log_determinant(matrix: Array) -> float:
 
 
 def _shortest_way(q: Array, start: Array | None) -> list[int]:
-    """Return an order of the postures in which the nearest remaining posture always comes next."""
+    """Return an order of the postures: each posture is followed by the nearest remaining one."""
     left = list(range(len(q)))
     at = q[0] if start is None else start
     order = []

@@ -26,24 +26,27 @@ from aerarm_ros.pages.html_text import (
 from aerarm_ros.pages.plots import figure_html, plotting_script
 
 _METRIC = (
-    'Root mean square of the distance between measured and predicted position, and of the angle '
-    'between measured and predicted orientation. "Before" is the original URDF, with base frame '
-    'and markers fitted to the training postures. No fit uses the held-out postures.'
+    'Errors are root mean squares: of the distance between measured and predicted position, and '
+    'of the angle between measured and predicted orientation. "Before" means the original URDF, '
+    'with base frame and markers fitted to the training postures. Held-out postures are part of '
+    'no fit.'
 )
 _CHOICE = (
-    'Each model was fitted ten times. Each fit omitted another tenth of the postures and predicted '
-    'it. Estimates within 1.4 standard deviations of the nominal value are set to the nominal '
+    'Cross-validation: each model was fitted ten times. Each fit omitted another tenth of the '
+    'postures and predicted the omitted postures. Estimates within 1.4 standard deviations of '
+    'the nominal value are set to the nominal '
     'value. A larger model is chosen if its mean prediction error is smaller by more than half a '
     'standard error.'
 )
 _PARAMETERS = (
     'Offsets are added to recorded positions. x, y, z and the rotation vector rx, ry, rz '
-    "displace a joint's frame, in the coordinates of its nominal frame. Standard deviations "
-    'allow for correlated residuals within a posture.'
+    'displace the frame of a joint, along the axes of its nominal frame. Standard deviations '
+    'account for correlation between the residuals of one posture.'
 )
 _ABSORBED = (
     'An indistinguishable error has the same effect on the measurements as the base frame, the '
-    'markers or another error. No posture separates them, so it keeps its nominal value.'
+    'markers or another error. No posture separates such errors, so an indistinguishable error '
+    'keeps its nominal value.'
 )
 
 
@@ -83,11 +86,14 @@ def headline(calibration: Calibration) -> str:
     after = calibration.errors(calibration.fit, observations)
     text = (
         f'Position error {name}: {1e3 * before[0]:.2f} mm before, {1e3 * after[0]:.2f} mm after '
-        f'calibration ({calibration.best.name}, {len(calibration.fit.free)} estimated errors)'
+        f'calibration ({calibration.best.name}, {len(calibration.fit.free)} estimated errors).'
     )
     if np.isfinite(after[1]):
-        text += f'; orientation {1e3 * before[1]:.2f} and {1e3 * after[1]:.2f} mrad'
-    return f'{text}.'
+        text += (
+            f' Orientation error: {1e3 * before[1]:.2f} mrad before, {1e3 * after[1]:.2f} mrad '
+            'after calibration.'
+        )
+    return text
 
 
 def calibration_text(calibration: Calibration) -> str:
@@ -103,7 +109,7 @@ def calibration_text(calibration: Calibration) -> str:
             row.append(_millimetres(calibration.errors(one.fit, held.observations)[0]))
         row[0] += ' *' if one is calibration.best else ''
         rows.append(row)
-    lines += [text_table(rows), '(RMS distance [mm]; * is the result)', '']
+    lines += [text_table(rows), '(RMS position error [mm]; * marks the chosen model)', '']
     for name, observations in _groups(calibration).items():
         markers = calibration.marker_errors(observations)
         listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
@@ -117,7 +123,7 @@ def calibration_text(calibration: Calibration) -> str:
 
 
 def _extrapolation(calibration: Calibration, observations: Observations) -> str:
-    """Return the errors within and beyond the fitted joint ranges; '' if no posture is beyond."""
+    """Return a text with the errors within and beyond the joint ranges of the fit, else ''."""
     within = calibration.within(observations)
     if within.all() or not within.any():
         return ''
@@ -126,13 +132,13 @@ def _extrapolation(calibration: Calibration, observations: Observations) -> str:
         for which in (within, ~within)
     )
     return (
-        f'; {inside:.2f} mm in the {int(within.sum())} postures within the joint ranges of the '
-        f'training postures, {outside:.2f} mm in the {int((~within).sum())} beyond'
+        f' ({inside:.2f} mm in the {int(within.sum())} postures within the joint ranges of the '
+        f'training postures, {outside:.2f} mm in the {int((~within).sum())} postures beyond)'
     )
 
 
 def _estimates(fit: Fit) -> list[tuple[str, float, float, str]]:
-    """Return name, value, standard deviation and unit of each estimate, in mm, mrad and so on."""
+    """Return name, value, standard deviation and unit (mm, mrad, mrad/Nm) of each estimate."""
     names, unit = fit.geometry.names, fit.geometry.unit
     return [
         (names[k], 1e3 * float(fit.errors[k]), 1e3 * float(deviation), f'm{unit(k)}')
@@ -253,9 +259,9 @@ def _frame_table(fit: Fit) -> Html:
 
 def _as_drawn(calibration: Calibration) -> Html:
     titles = (
-        'Insignificant, or outside the chosen model',
-        'Not determined by these postures',
-        'Indistinguishable from other errors',
+        'Errors that are insignificant or not part of the chosen model',
+        'Errors that these postures do not determine',
+        'Errors that are indistinguishable from other errors',
     )
     parts = [
         paragraph(f'{title}: {", ".join(listed) or "none"}.')

@@ -137,7 +137,7 @@ def read_postures(
 
 
 class _Reader:
-    """Reader that assigns table columns to joints, markers, poses and contacts."""
+    """Assignment of table columns to joints, markers, poses and contacts."""
 
     def __init__(
         self,
@@ -172,7 +172,8 @@ class _Reader:
             )
         if not table.measured and not table.contacts:
             raise CalibrationError(
-                f'{self._path} has no marker (its columns are {some_names(columns)}): name marker '
+                f'{self._path} has no marker columns (its columns are {some_names(columns)}): '
+                'name marker '
                 'columns x1, y1, z1 [m]'
             )
         return table
@@ -270,7 +271,7 @@ class _Reader:
         if axis in thing:
             raise CalibrationError(
                 f'columns {thing[axis][0]} and {name} of {self._path} contain the same quantity: '
-                'remove one'
+                'remove one of these columns'
             )
         thing[axis] = (name, values, factor)
         return True
@@ -323,7 +324,7 @@ def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
 
 
 def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
-    """Return the columns of a CSV file; problems of non-numeric columns are added to `wrong`."""
+    """Return the columns of a CSV file; for a non-numeric column, `wrong` receives the reason."""
     with path.open(encoding='utf-8-sig', errors='replace') as file:
         example = 'x1, y1, z1, joint1, joint2'
         names, delimiter = column_names(path, file, example, CalibrationError)
@@ -339,7 +340,7 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
     seen = [name for name in names if name]
     twice = next((name for name in seen if names.count(name) > 1), None)
     if twice is not None:
-        raise CalibrationError(f'{path} has two columns named {twice}: remove one')
+        raise CalibrationError(f'{path} has two columns with the name {twice}: remove one')
     columns = {}
     for place, name in enumerate(names):
         texts = [row[place].strip().strip('"') for row in rows]

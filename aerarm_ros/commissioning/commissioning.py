@@ -45,7 +45,7 @@ Measured = dict[str, float]
 def turn_findings(
     config: ArmConfig, joint: int, turn: float, report: ProbeReport
 ) -> tuple[Findings, Measured]:
-    """Evaluate the bridge's report on a joint that a person turned while the motors were off.
+    """Evaluate the bridge's report on a joint that a person turned with the motors off.
 
     Parameters
     ----------
@@ -85,8 +85,8 @@ def turn_findings(
     carried = [name for i, name in enumerate(names) if i != joint and turned[i] > _ALSO_TURNED]
     if carried:
         findings.append(
-            f'{this.name}: {", ".join(carried)} turned as well; hold the other joints still '
-            'and repeat'
+            f'{this.name}: {", ".join(carried)} turned as well; repeat the turn, and hold all '
+            'other joints still'
         )
     travel = report.travel[joint]
     if travel * turn * this.sign < 0.0:
@@ -113,7 +113,7 @@ def turn_findings(
 
 
 def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findings:
-    """Return the problems of a joint that a person turned back; see `turn_findings`."""
+    """Return the problems found after a person turned a joint back to its home configuration."""
     this = config.joints[joint]
     off = this.gear.ratio * report.travel[joint]
     if abs(off) <= _RETURN_TOLERANCE:
@@ -126,7 +126,7 @@ def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findi
 
 
 def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[Findings, Measured]:
-    """Evaluate the report on a joint that its motor turned back and forth; see `turn_findings`.
+    """Evaluate the bridge's report on a joint that its motor turned back and forth.
 
     Returns
     -------
@@ -138,7 +138,9 @@ def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[
     """
     this = config.joints[joint]
     if report.phase != 'done' or len(report.strokes) != 2:
-        return [f'{this.name}: the motor was not driven ({report.reason or report.phase})'], {}
+        return [
+            f'{this.name}: the bridge did not drive the motor ({report.reason or report.phase})'
+        ], {}
     gears = config.column('gear.ratio').tolist()
     way = [gear * span / (2.0 * REACH) for gear, span in zip(gears, report.span, strict=True)]
     others = [
@@ -148,7 +150,7 @@ def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[
     effort = this.torque_per_ampere
     if way[joint] < _NOT_DRIVEN:
         moved = (
-            f'{", ".join(others)} moved instead: check the channels'
+            f'{", ".join(others)} moved instead: check the channels of the boards'
             if others
             else f'the joint did not move at {effort * report.current_max:.2f} Nm. Possible '
             'causes: too much friction, an open motor phase, or an object that holds the joint'
@@ -160,7 +162,7 @@ def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[
     if min(up.speed, -down.speed) < 0.5 * SPEED:
         findings.append(
             f'{this.name}: the joint moved at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead '
-            f'of {SPEED:+g} and {-SPEED:+g} rad/s; check the direction of its motor'
+            f'of {SPEED:+g} and {-SPEED:+g} rad/s; check the direction of the motor'
         )
     measured = {
         'friction': 0.5 * effort * (up.measured - down.measured),
@@ -196,15 +198,16 @@ def _friction_findings(name: str, friction: float, expected: float) -> Findings:
         else ('check the coupling of the gear to the motor')
     )
     return [
-        f'{name}: friction is {friction:.3f} Nm, but the configuration states {expected:.3f} Nm; '
-        f'{what}, and check torque constant and gear'
+        f'{name}: the measured friction is {friction:.3f} Nm, but the configuration states '
+        f'{expected:.3f} Nm; '
+        f'{what}, and check the configured torque constant and gear ratio'
     ]
 
 
 def pulse_offset(
     config: ArmConfig, joint: int, home_angle: float, report: ProbeReport
 ) -> float | None:
-    """Return the motor angle at the index pulses, modulo a turn [rad]; None without any.
+    """Return the motor angle at the index pulses, modulo a turn [rad]; None without a pulse.
 
     Parameters
     ----------
@@ -338,7 +341,7 @@ class TurnStep(CommissioningStep):
             self.number += 1  # make the bridge restart its count at the present angle
 
     def update(self, report: ProbeReport) -> None:
-        """Evaluate the turn of the joint after the person has confirmed it."""
+        """Evaluate the turn of the joint after the person has confirmed the prompt."""
         if not self._is_confirmed or self.is_done:
             return
         if report.phase != 'watching':
@@ -367,8 +370,9 @@ class TurnStep(CommissioningStep):
             self.measured['pulse_offset'] = offset
         elif not findings:
             self.findings.append(
-                f'{self._name}: homing needs the angle of the index pulse, but no index pulse '
-                'was located between two consecutive frames. Turn the joint slowly, check the load '
+                f'{self._name}: homing needs the angle of the index pulse, but the bridge located '
+                'no index pulse between two consecutive frames. Turn the joint slowly, check the '
+                'load '
                 'of this computer, and repeat'
             )
 
@@ -382,20 +386,21 @@ class DriveStep(CommissioningStep):
     def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
         super().__init__(config, robot, joint)
         self.prompt = Prompt(
-            f'The motor of {self._name} aligns now, then turns the joint by {REACH:g} rad to '
+            f'The motor of {self._name} aligns its rotor now, then turns the joint by {REACH:g} '
+            'rad to '
             'both sides. A second person must hold the weight of the arm. Keep all hands away from '
             f'{self._name}: THE ARM MOVES. Drive the motor?'
         )
 
     def answer(self, yes: bool) -> None:
-        """Process the person's answer; yes starts the motor."""
+        """Process the person's answer; the answer yes starts the motor."""
         super().answer(yes)
         if yes:
             self.kind = DRIVE
             self.number += 1
 
     def update(self, report: ProbeReport) -> None:
-        """Evaluate the motion of the motor after its end."""
+        """Evaluate the motion of the motor after the motion has ended."""
         if self.kind != DRIVE or report.phase not in ('done', 'failed'):
             return
         findings, measured = drive_findings(self._config, self._joint, report)
@@ -419,16 +424,16 @@ def _turn(config: ArmConfig, joint: int) -> float:
 
 
 def _direction(config: ArmConfig, robot: Robot, joint: int, turn: float) -> str:
-    """Return a text that describes the direction of a joint's turn, with the arm at home."""
+    """Return a text on the direction of a joint's turn from the home configuration."""
     try:
         tool = Kinematics(robot)
     except ValueError:  # the arm has no frame of that name
         tool = Kinematics(robot, robot.link_names[-1])
     speed = np.sign(turn) * tool.jacobian(np.array(config.rest_position))[:, joint]
     if np.linalg.norm(speed[:3]) > _TOOL_MOVES:
-        return f'the tool starts to move towards {_axis(speed[:3])} of the base'
+        return f'the tool starts to move along the base axis {_axis(speed[:3])}'
     axis = _axis(speed[3:])
-    return f"counter-clockwise, seen from the tip of the base's axis {axis}"
+    return f'counter-clockwise, seen from the tip of the base axis {axis}'
 
 
 def _axis(vector: NDArray[np.float64]) -> str:
@@ -503,7 +508,7 @@ class Commissioning:
 
     @property
     def request(self) -> ProbeRequest:
-        """Present request to the bridge; the client sends it at 10 Hz or more."""
+        """Current request to the bridge; the client sends this request at 10 Hz or more."""
         step = self._step
         if step is None:
             return ProbeRequest(f'{self._client}:end', OFF)
@@ -518,7 +523,7 @@ class Commissioning:
             self._go_on()
 
     def update(self, now: datetime, report: ProbeReport) -> None:
-        """Process a report of the bridge, and ignore reports on earlier requests."""
+        """Process a report of the bridge; reports on earlier requests are ignored."""
         step = self._step
         if step is None or report.id != self.request.id:
             return
@@ -526,7 +531,7 @@ class Commissioning:
         self._go_on(now)
 
     def end(self) -> None:
-        """End the procedure without a result of the present joint, and stop the bridge."""
+        """End the procedure without a result for the current joint, and stop the bridge."""
         self._is_ended = True
 
     @property

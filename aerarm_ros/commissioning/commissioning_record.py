@@ -58,7 +58,7 @@ class JointRecord:
         findings: Sequence[str],
         measured: Mapping[str, float],
     ) -> JointRecord:
-        """Return the record of a joint that was commissioned with its present configuration."""
+        """Return the commissioning result of a joint, with the joint's current configuration."""
         return cls(date, tuple(findings), dict(measured), _configuration(joint))
 
     @property
@@ -94,7 +94,7 @@ class CommissioningRecord:
     joints: Mapping[str, JointRecord] = field(default_factory=dict)
 
     def problem(self, config: ArmConfig, emulated: bool = False) -> str:
-        """Return why the arm is not commissioned, with advice; '' if it is commissioned."""
+        """Return why the arm is not fully commissioned, with advice; '' if it is commissioned."""
         if self.arm != config.name:
             return (
                 f'the commissioning record belongs to arm {self.arm}, not to {config.name}: '
@@ -109,10 +109,13 @@ class CommissioningRecord:
         failed = [name for name in names if not self.joints[name].passed]
         if failed:
             finding = self.joints[failed[0]].findings[0]
-            return f'{", ".join(failed)} did not pass the commissioning ({finding}): {_ADVICE}'
+            return f'{", ".join(failed)} did not pass commissioning ({finding}): {_ADVICE}'
         bare = [name for name in names if not self.joints[name].has_pulse_offset]
         if bare:
-            return f'the commissioning record has no pulse_offset for {", ".join(bare)}: {_ADVICE}'
+            return (
+                'the commissioning record has no angle of the index pulse (pulse_offset) for '
+                f'{", ".join(bare)}: {_ADVICE}'
+            )
         for joint in config.joints:
             key = self.changed_key(joint)
             if key:
@@ -120,7 +123,7 @@ class CommissioningRecord:
         return ''
 
     def changed_key(self, joint: JointConfig) -> str:
-        """Return a key of the configuration that has changed since commissioning, or ''."""
+        """Return a configuration key whose value has changed since commissioning, or ''."""
         then, now = self.joints[joint.name].configuration, _configuration(joint)
         changed = [
             key
@@ -164,7 +167,7 @@ class CommissioningRecord:
         return replace(self, joints=named)
 
     def save(self, path: Path) -> None:
-        """Write the record file; if this raises OSError, the previous file remains unchanged."""
+        """Write the record file; if an OSError occurs, the previous file remains unchanged."""
         joints = {name: _plain(entry) for name, entry in self.joints.items()}
         document = {
             'format': _FORMAT,
@@ -242,7 +245,7 @@ def _entry(entry: Any) -> JointRecord:
         raise ConfigError(f'joints: {entry!r} is not the entry of a joint')
     findings = entry.get('findings')
     if not isinstance(findings, list) or entry.get('passed') is not (not findings):
-        raise ConfigError("joints: 'passed' and 'findings' contradict each other")
+        raise ConfigError("joints: the entries 'passed' and 'findings' contradict each other")
     measured = {key: value for key, value in entry.items() if isinstance(value, float | int)}
     measured.pop('passed', None)
     _check_numbers(measured)

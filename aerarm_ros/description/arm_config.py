@@ -72,7 +72,7 @@ class BoardConfig:
 
 @dataclass(frozen=True, slots=True)
 class PowerStageConfig:
-    """Power consumption of the boards, and their use of braking energy.
+    """Power consumption of the boards, and the boards' use of braking energy.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class ArmConfig:
     emulated_only: bool = False
 
     def __post_init__(self) -> None:
-        """Validate conditions between several parts of the configuration."""
+        """Check conditions that concern several parts of the configuration."""
         check_name('arm', 'name', self.name)
         check_name('arm', 'profile', self.profile)
         if not self.joints:
@@ -214,7 +214,7 @@ class ArmConfig:
         return np.array([value(joint) for joint in self.joints], dtype=float)
 
     def absolute_encoders(self, default: str) -> tuple[bool, ...]:
-        """Return whether each encoder is absolute; boards without a type use `default`."""
+        """Return whether each encoder is absolute; `default` is the type for boards without one."""
         return tuple(
             (self.boards[joint.board].encoders or default) == 'absolute' for joint in self.joints
         )
@@ -238,7 +238,7 @@ class ArmConfig:
         for joint in self.joints:
             if joint.board >= len(self.boards):
                 raise ConfigError(
-                    f'joint {joint.name}: board = {joint.board}, but boards has only '
+                    f'joint {joint.name}: board = {joint.board}, but the list boards has only '
                     f'{len(self.boards)} entries (numbered from 0); correct the number'
                 )
             place = (joint.board, joint.channel)
@@ -271,8 +271,8 @@ class ArmConfig:
     def _check_rated_payload(self) -> None:
         if len(self.rated_payload) != 4:
             raise ConfigError(
-                f'arm: rated_payload = {self.rated_payload} needs mass, x, y and z of '
-                "the payload's centre of mass"
+                f'arm: rated_payload = {self.rated_payload} must be a list of four '
+                'numbers: mass, and x, y and z of the centre of mass'
             )
         check_range('arm', 'mass of rated_payload', self.rated_payload[0], 0.0, 100.0, 'kg')
         for value in self.rated_payload[1:]:
@@ -368,7 +368,7 @@ def _check_unique(owner: str, key: str, values: Iterable[Hashable]) -> None:
 
 
 class DriveTrain:
-    """Conversion between joint and motor quantities, thesis (4.2), (4.6), (4.7).
+    """Conversion between joint and motor quantities, thesis (4.2), (4.6) and (4.7).
 
     All arrays are (n,) or (..., n), in the order of `config.joint_names`. With the sign `s` and the
     offset `o` of a joint::
@@ -410,11 +410,11 @@ class DriveTrain:
         return self._motor_per_joint * dq
 
     def current_to_effort(self, current: Array) -> Array:
-        """Return the joint torques [Nm] for quadrature currents [A], thesis (4.2), (4.7)."""
+        """Return the joint torques [Nm] for quadrature currents [A], thesis (4.2) and (4.7)."""
         return self._effort_per_current * current
 
     def effort_to_current(self, effort: Array) -> Array:
-        """Return the quadrature currents [A] for joint torques [Nm], thesis (4.2), (4.7)."""
+        """Return the quadrature currents [A] for joint torques [Nm], thesis (4.2) and (4.7)."""
         return self._current_per_effort * effort
 
     def motor_to_joint_gain(self, gain: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Reader of YAML files that converts them to dataclasses; its errors name the faulty key."""
+"""Reader of YAML files, with conversion to dataclasses; errors name the faulty key."""
 
 import dataclasses
 import math
@@ -50,7 +50,7 @@ def check_vector(owner: str, key: str, values: tuple[float, ...], bound: float, 
         If the check fails.
     """
     if len(values) != 3:
-        raise ConfigError(f'{owner}: {key} = {list(values)} needs x, y and z')
+        raise ConfigError(f'{owner}: {key} = {list(values)} must be a list of x, y and z')
     for value in values:
         check_range(owner, key, value, -bound, bound, unit)
 
@@ -81,7 +81,7 @@ def check_name(owner: str, key: str, value: object) -> None:
 
 
 LOADER: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-"""YAML loader of plain data; the C loader of PyYAML, if available, is ten times faster."""
+"""YAML loader for plain data: PyYAML's C loader if available, which is ten times faster."""
 
 _LARGEST = 2**20  # bytes; ten times the largest file of this package
 _DEEPEST = 20
@@ -108,7 +108,7 @@ class UniqueKeyLoader(LOADER):  # type: ignore[misc]
 
 
 def read_plain(path: Path, loader: Any = UniqueKeyLoader) -> Any:
-    """Read a YAML file as plain data; `plain_data` lists the conditions.
+    """Read a YAML file as plain data; see `plain_data` for the conditions.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
     except yaml.YAMLError as error:
         # libyaml reaches its own limit before `_check_events` sees the nesting.
         if 'nesting depth' in str(error):
-            raise ConfigError(f'nested more than {_DEEPEST} levels deep') from None
+            raise ConfigError(f'the YAML is nested more than {_DEEPEST} levels deep') from None
         raise ConfigError(f'not valid YAML: {" ".join(str(error).split())}') from None
     except (ValueError, TypeError, AttributeError, LookupError, OverflowError) as error:
         # A value that contradicts its form or tag, for example 2001-99-99.
@@ -160,27 +160,25 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
 
 
 def _check_events(text: str) -> None:
-    """Check a YAML text for anchors, deep nesting and long numbers before its data are built."""
+    """Reject a YAML text with anchors, deep nesting or long numbers before it is parsed."""
     depth = 0
     for event in yaml.parse(text, Loader=LOADER):
         reason = ''
         if isinstance(event, yaml.AliasEvent) or getattr(event, 'anchor', None):
-            reason = 'YAML anchors and aliases are not supported: write the values out'
+            reason = 'YAML anchors and aliases are not supported: write each value in its place'
         depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
         if depth > _DEEPEST:
-            reason = f'nested more than {_DEEPEST} levels deep'
+            reason = f'the YAML is nested more than {_DEEPEST} levels deep'
         if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
-            reason = (
-                f'the number has {len(event.value)} characters, above the limit of '
-                f'{_LONGEST_NUMBER}'
-            )
+            length = len(event.value)
+            reason = f'the number has {length} characters, above the limit of {_LONGEST_NUMBER}'
         if reason:
             line = event.start_mark.line + 1 if event.start_mark else 0
             raise ConfigError(f'line {line}: {reason}')
 
 
 def _is_long_number(event: Any) -> bool:
-    """Return whether a YAML value is, or may become by its tag, a number of many digits."""
+    """Return whether a YAML value is parsed as a number, and has too many digits."""
     long = len(event.value) > _LONGEST_NUMBER
     return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)
 
@@ -236,20 +234,21 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ConfigError(f'{path}: {error}') from None
     if not isinstance(document, dict):
         raise ConfigError(
-            f'{path}: the file must contain a mapping of keys, compare with the packaged example'
+            f'{path}: the file must contain a mapping of keys: compare it with the packaged '
+            'example in config/'
         )
     return document
 
 
 def config_path(path: Path | str | None, packaged: str) -> Path:
-    """Return the path of a configuration file; None selects the packaged file in config/."""
+    """Return the path of a configuration file; if None, that of the packaged file in config/."""
     return resource('config', packaged) if path is None else find_file(path)
 
 
 def load(
     path: Path | str | None, packaged: str, make: Callable[[dict[str, Any]], Config]
 ) -> Config:
-    """Read a YAML file, and convert its content with `make`; None selects the packaged file.
+    """Read a YAML file, and convert its content with `make`; if None, the packaged file.
 
     Raises
     ------
@@ -355,7 +354,7 @@ def _convert(where: str, value: Any, hint: Any) -> Any:
 
 
 def _number(where: str, value: Any) -> float:
-    """Return a float; accept numbers such as '1/31' and '1e-5', which YAML 1.1 reads as texts."""
+    """Return a float; accept '1/31' and '1e-5', which YAML 1.1 reads as texts."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if isinstance(value, str):

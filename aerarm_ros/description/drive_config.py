@@ -40,7 +40,7 @@ class GearConfig:
 
 
 RATED_AMBIENT = 25.0
-"""Ambient temperature to which a motor's continuous current refers [degC]."""
+"""Ambient temperature at which a motor bears its continuous current [degC]."""
 COPPER = 0.00393
 """Temperature coefficient of copper's resistance at 20 degC (IEC 60028) [1/K]."""
 # Continuous current as a fraction of the short-time current, for a motor without data. Small
@@ -96,7 +96,7 @@ class ThermalConfig:
 
     @classmethod
     def guessed(cls, current_max: float) -> ThermalConfig:
-        """Return cautious thermal data of a motor, guessed from its short-time current [A]."""
+        """Return cautious estimates of a motor's thermal data, from its short-time current [A]."""
         return cls(float(f'{_GUESSED_SHARE * current_max:.2g}'))
 
 
@@ -176,7 +176,7 @@ class MotorConfig:
 
     @property
     def thermal_or_guess(self) -> ThermalConfig:
-        """Thermal data of the motor, guessed from `current_max` if not configured."""
+        """Thermal data of the motor; estimated from `current_max` if not configured."""
         return self.thermal or ThermalConfig.guessed(self.current_max)
 
     @property
@@ -188,7 +188,7 @@ class MotorConfig:
 
     @property
     def resistance_text(self) -> str:
-        """Phase resistance as text, with its standard deviation if it was measured."""
+        """Phase resistance as text, with the standard deviation of a measured resistance."""
         known = 'an estimate' if self.resistance_std is None else f'± {self.resistance_std:.2g}'
         return f'{self.resistance:.4g} ({known})'
 
@@ -214,7 +214,7 @@ _RANGES = (
 
 @dataclass(frozen=True, slots=True)
 class JointConfig:
-    """Joint with its motor, gear and limits; values are joint-side unless stated otherwise.
+    """Joint with its motor, gear and limits; values refer to the joint side unless stated.
 
     Attributes
     ----------

@@ -132,7 +132,7 @@ class RotorConfig:
 
     @property
     def wrench_per_thrust(self) -> npt.NDArray[np.float64]:
-        """Force [-] and moment [m] about the body's origin, per thrust of the rotor, (6,)."""
+        """Force [-] and moment [m] about the body's origin per thrust of this rotor, (6,)."""
         axis = np.array(self.axis) / math.hypot(*self.axis)
         moment = np.cross(self.position, axis) + self.moment_per_thrust * axis
         return np.concatenate([axis, moment])
@@ -141,7 +141,7 @@ class RotorConfig:
 GRAVITY = 9.81
 """Gravitational acceleration [m/s^2]."""
 THRUST_RESERVE = 1.2
-"""Smallest accepted ratio of the largest thrust of a level drone, without moment, to its weight.
+"""Smallest accepted ratio of a level drone's largest thrust without moment to its weight.
 The excess over 1 is a reserve for rotating and stopping the drone.
 """
 
@@ -192,7 +192,7 @@ class DroneConfig:
     rotors: tuple[RotorConfig, ...]
 
     def __post_init__(self) -> None:
-        """Validate all values, and conditions between several parts of the drone."""
+        """Check all values, and conditions that concern several parts of the drone."""
         check_name('drone', 'name', self.name)
         check_range('drone', 'mass', self.mass, 0.05, 500.0, 'kg')
         check_position('drone', 'centre_of_mass', self.centre_of_mass)
@@ -229,7 +229,7 @@ class DroneConfig:
 
     @property
     def is_fully_actuated(self) -> bool:
-        """Whether the rotors can produce force in any direction, independently of the moment."""
+        """Whether the rotors can produce force in any direction without changing the moment."""
         matrix = self.allocation
         matrix[3:] /= self._arm_length
         smallest = np.linalg.svd(matrix, compute_uv=False)
@@ -241,7 +241,7 @@ class DroneConfig:
         return self.mount.rotation.T @ (0.0, 0.0, -GRAVITY)
 
     def column(self, field: str) -> Array:
-        """Return one numeric attribute of every rotor, (n,), for example 'thrust_max'."""
+        """Return the values (n,) of one numeric attribute of all rotors, such as 'thrust_max'."""
         return np.array([getattr(rotor, field) for rotor in self.rotors], dtype=float)
 
     def with_errors(self, mass: float = 1.0, inertia: float = 1.0) -> 'DroneConfig':
@@ -270,7 +270,7 @@ class DroneConfig:
         share = self._liftable_share(total, middle)
         if share < THRUST_RESERVE:
             raise ConfigError(
-                f'drone {self.name}: with level rotors its thrust is {share:.2f} times the '
+                f'drone {self.name}: with level rotors its largest thrust is {share:.2f} times the '
                 f'weight of drone and arm ({self.mass:g} + {mass:.3g} kg), below the minimum of '
                 f'{THRUST_RESERVE:g} times; check thrust_max, thrust_min and mass, or use '
                 'stronger rotors, a lighter arm, or a central mount'
@@ -291,7 +291,7 @@ class DroneConfig:
         return float(np.linalg.norm(np.vstack([corner, hubs]), axis=1).max())
 
     def _liftable_share(self, mass: float, centre: Array) -> float:
-        """Return the largest vertical force without moment, divided by the weight [-]."""
+        """Return the largest vertical force without moment, relative to the weight [-]."""
         from scipy.optimize import linprog  # slow import, needed only for checks of files
 
         weight = np.array([0.0, 0.0, mass * GRAVITY])
@@ -341,7 +341,7 @@ class DroneConfig:
         if any(abs(x) > 0.5 * length + _EDGE for x, length in zip(place, self.size, strict=True)):
             raise ConfigError(
                 f'drone: {key} at {list(place)} m is outside the body, whose box of '
-                f'{list(self.size)} m is centred at the body frame; check both'
+                f'{list(self.size)} m is centred at the body frame; check {key} and size'
             )
 
     def _check_rotors(self) -> None:
@@ -349,7 +349,9 @@ class DroneConfig:
             raise ConfigError('drone: rotors is empty; list at least four rotors')
         for name in self.rotor_names:
             if self.rotor_names.count(name) > 1:
-                raise ConfigError(f'drone: rotor {name} is listed twice; rename or remove one')
+                raise ConfigError(
+                    f'drone: rotor {name} is listed twice; rename or remove one of the two'
+                )
         # Hovering needs thrust along z and three moments.
         matrix = self.allocation[2:]
         matrix[1:] /= self._arm_length
@@ -361,7 +363,7 @@ class DroneConfig:
         share = self._liftable_share(self.mass, np.array(self.centre_of_mass))
         if share < THRUST_RESERVE:
             raise ConfigError(
-                f'drone: with level rotors its thrust is {share:.2f} times its weight '
+                f'drone: with level rotors its largest thrust is {share:.2f} times its weight '
                 f'({self.mass:g} kg), below the minimum of {THRUST_RESERVE:g} times; check '
                 'thrust_max, thrust_min and mass'
             )

@@ -55,11 +55,11 @@ def _base_link(root: ET.Element, wanted: set[str]) -> str:
     taken = wanted & set(links)
     if taken or len(bases) != 1:
         what = (
-            f'the URDF already has a link {", ".join(taken)}'
-            if taken
-            else 'the URDF has no single base link'
+            f'it already has a link {", ".join(taken)}' if taken else 'it has no single base link'
         )
-        raise DescriptionError(f'the URDF cannot be combined with drone_file: {what}')
+        raise DescriptionError(
+            f'the URDF of the arm cannot be combined with the drone_file, because {what}'
+        )
     return bases[0]
 
 

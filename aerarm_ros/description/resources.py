@@ -25,14 +25,14 @@ def share_directory() -> Path:
             if (candidate / _MARKER).is_file():
                 return candidate
     raise FileNotFoundError(
-        f"the shared files of {PACKAGE} (such as {_MARKER}) are neither in the package's parent "
-        f'folder nor in a share/{PACKAGE} folder above {module.parent}: install the package '
-        'again, or run from a complete checkout'
+        f'the shared files of {PACKAGE} (such as {_MARKER}) are neither next to the package nor in '
+        f'a folder share/{PACKAGE} above {module.parent}: install the package again, or run from '
+        'a complete checkout'
     )
 
 
 def find_file(path: Path | str) -> Path:
-    """Return `path` if it exists, else the packaged file of this name, else `path` unchanged.
+    """Return `path` if this file exists, or the packaged file of this name; else `path`.
 
     From any folder, `config/drone.yaml`, `drone.yaml` and `drones/quadrotor.yaml` refer to packaged
     files. A user's file with this path, relative to the working directory, takes precedence.

@@ -62,7 +62,7 @@ class Robot:
 
     @property
     def link_names(self) -> tuple[str, ...]:
-        """Names of the moving links, from base to tool; each has the frame of its joint."""
+        """Names of the moving links, from base to tool; a link's frame is that of its joint."""
         return tuple(joint.child for joint in self.joints)
 
     @cached_property
@@ -79,12 +79,12 @@ class Robot:
         return tool if tool in names else names[-1]
 
     def full_name(self, name: str) -> str:
-        """Return the prefixed name of a link or joint, given with or without prefix."""
+        """Return the name with prefix of a link or joint; `name` may lack the prefix."""
         full = self.prefix + name
         return full if self.model.existFrame(full) else name
 
     def frame_of(self, link: str) -> Any:
-        """Return the pinocchio.Frame of a link, given with or without prefix.
+        """Return the pinocchio.Frame of a link; the name `link` may lack the prefix.
 
         Raises
         ------
@@ -98,22 +98,22 @@ class Robot:
         return self.model.frames[self.model.getFrameId(name, pin.FrameType.BODY)]
 
     def own_name(self, name: str) -> str:
-        """Return the name of a link or joint as in the arm's files, without prefix."""
+        """Return the name of a link or joint without prefix, as in the arm's files."""
         return name.removeprefix(self.prefix)
 
     @cached_property
     def position_min(self) -> Array:
-        """Lower limits (n,) [rad] (prismatic: [m]); -inf for a continuous joint."""
+        """Lower position limits (n,) [rad] (prismatic: [m]); -inf for a continuous joint."""
         return _frozen(self.model.lowerPositionLimit)
 
     @cached_property
     def position_max(self) -> Array:
-        """Upper limits (n,) [rad] (prismatic: [m]); inf for a continuous joint."""
+        """Upper position limits (n,) [rad] (prismatic: [m]); inf for a continuous joint."""
         return _frozen(self.model.upperPositionLimit)
 
     @cached_property
     def posture_range(self) -> tuple[Array, Array]:
-        """Position limits (n,) for random postures [rad]; one turn for joints without limits."""
+        """Range (n,) of random postures [rad]: the position limits, or one turn without limits."""
         low, high = self.position_min, self.position_max
         return (
             _frozen(np.where(np.isfinite(low), low, -np.pi)),
@@ -142,7 +142,7 @@ class Robot:
 
     @cached_property
     def load_friction(self) -> Array:
-        """Dry friction (n,) per torque in the gear [-], from `<dynamics load_friction>`."""
+        """Dry friction (n,) per torque that the gear transmits, from `<dynamics load_friction>`."""
         return _frozen([joint.load_friction for joint in self.joints])
 
     @cached_property
@@ -248,7 +248,7 @@ def load_robot(
 
 
 def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
-    """Return the text and the path of a URDF; None selects the packaged URDF, a text has no path.
+    """Return text and path of a URDF: a file, the packaged URDF (None), or a text (path None).
 
     Raises
     ------
@@ -268,7 +268,7 @@ def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
         ) from None
     except UnicodeDecodeError:
         raise DescriptionError(
-            f'{path} is not a text file, so not a URDF: check the path'
+            f'{path} is not a text file, so it cannot be a URDF: check the path'
         ) from None
 
 
@@ -280,7 +280,9 @@ def _moving_joints(
     for name in (*locked, *(joint_names or ())):
         if name not in driven:
             known = ', '.join(driven) or 'none'
-            raise DescriptionError(f'unknown moving joint {name!r}: the URDF has {known}')
+            raise DescriptionError(
+                f'unknown moving joint {name!r}: the moving joints of the URDF are {known}'
+            )
     wanted = list(driven) if joint_names is None else list(joint_names)
     moving = [document.joints[name] for name in wanted if name not in locked]
     if not moving:
@@ -336,7 +338,8 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
     requested = [joint.name for joint in moving]
     if sorted(requested) != sorted(names):
         raise DescriptionError(
-            f'joints {requested} do not form one chain from the base: the chain consists of {names}'
+            f'joints {requested} do not form one chain from the base: the joints of the chain are '
+            f'{names}'
         )
     children = {joint.name: joint.child for joint in moving}
     for index, name in enumerate(names, start=1):

@@ -94,7 +94,7 @@ def _checked_size(file: Path) -> int:
         of_nodes = text.count(_INSTANCE_OF_NODE)
         if of_nodes > _MOST_INSTANCES_OF_NODES or text.count(_INSTANCE) > _MOST_INSTANCES:
             raise DescriptionError(
-                f'mesh {file} repeats its parts too often (<instance_...>): write them out, or '
-                'simplify the mesh'
+                f'mesh {file} repeats its parts too often (<instance_...>): replace the '
+                'references by the parts, or simplify the mesh'
             )
     return size

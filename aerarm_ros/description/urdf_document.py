@@ -1,4 +1,4 @@
-"""Parser and checks of the joints and links in a URDF, applied before the dynamics library.
+"""Parser and checks of joints and links in a URDF, for use before the dynamics library.
 
 The parser of the dynamics library reports a faulty inertia on stderr and continues without it, so
 this module checks the URDF first.
@@ -16,11 +16,12 @@ from aerarm_ros.description.config_reader import DescriptionError
 LOAD_FRICTION = 'load_friction'
 """Name of an attribute of <dynamics>: dry friction per torque transmitted by a gear [-]."""
 DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD = 'damping_beside_load', 'friction_beside_load'
-"""Names of attributes of <dynamics>: damping and friction without the load-dependent part. Other
-programs read `damping` and `friction`, which include this part at a typical load.
+"""Names of attributes of <dynamics>: damping and friction without the load-dependent part.
+
+For other programs, `damping` and `friction` include this part at a typical load.
 """
 CALIBRATED = 'calibrated geometry'
-"""Text that a comment at the beginning of a calibrated URDF contains."""
+"""Text in the first comment of a URDF, by which the URDF is recognized as calibrated."""
 LARGEST = 2**24
 """Largest number of characters of a URDF."""
 
@@ -54,7 +55,7 @@ _KNOWN_TYPES = (*_DRIVEN_TYPES, 'fixed', 'floating', 'planar')
 
 @dataclass(frozen=True, slots=True)
 class UrdfJoint:
-    """Content of a `<joint>` element.
+    """Content of a `<joint>` element of a URDF.
 
     `damping` [Nms/rad] and `friction` [Nm] are attributes of `<dynamics>`, zero if missing.
     `load_friction` [-] is an additional attribute of this package, which other programs ignore.
@@ -104,7 +105,7 @@ class UrdfDocument:
             raise DescriptionError(f'the root element is <{self._root.tag}>, not <robot>')
         if any('xacro' in element.tag for element in self._root.iter()):
             raise DescriptionError(
-                'the file contains xacro macros, expand them first (xacro FILE > arm.urdf)'
+                'the file contains xacro macros: expand the macros first (xacro FILE > arm.urdf)'
             )
         _check_numbers(self._root)
         self.links = self._read_links()
@@ -163,8 +164,8 @@ class UrdfDocument:
         if len(bases) != 1:
             listed = ', '.join(bases) or 'none (the joints form a loop)'
             raise DescriptionError(
-                'exactly one link, the base, must not be the child of a joint; links that are not: '
-                f'{listed}'
+                'exactly one link, the base, must not be the child of a joint; links that are no '
+                f'child: {listed}'
             )
 
     def _read_joint(self, element: ET.Element) -> UrdfJoint:
@@ -183,7 +184,7 @@ class UrdfDocument:
                 raise DescriptionError(f'{owner}: unknown {end} link {ends[end]!r}')
         limit = element.find('limit')
         if limit is None and kind in ('revolute', 'prismatic'):
-            raise DescriptionError(f'{owner} is {kind} and needs a <limit>')
+            raise DescriptionError(f'{owner} is {kind} and therefore needs a <limit>')
         lower, upper, *_ = (
             _number(limit, key, f'{owner}, <limit>')
             for key in ('lower', 'upper', 'effort', 'velocity')
@@ -228,7 +229,8 @@ def _parsed(text: str) -> ET.Element:
     if '<!DOCTYPE' in text or '<!ENTITY' in text:
         # Entities can expand a small text without limit; the dynamics library ignores them.
         raise DescriptionError(
-            'the file declares a document type or entities: write out their text'
+            'the file declares a document type or entities: remove the declaration, and replace '
+            'entities by their text'
         )
     try:
         root = ET.fromstring(text)

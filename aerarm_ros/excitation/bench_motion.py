@@ -1,4 +1,4 @@
-"""Motion of a motor bench: velocity steps, acceleration runs and oscillations, joint by joint."""
+"""Motion for a motor bench: velocity steps, acceleration runs and oscillations of each joint."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from aerarm_ros.motion.signals import Array, JointMotion
 
 @dataclass(frozen=True)
 class BenchMeasurement:
-    """Section of a bench motion that is evaluated: one joint moves, all others rest.
+    """Evaluated section of a bench motion, in which one joint moves and all other joints rest.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class BenchMeasurement:
 def split(
     measurements: Sequence[BenchMeasurement], path_time: Array
 ) -> Iterator[tuple[BenchMeasurement, slice]]:
-    """Yield each measurement with the rows of its samples, for samples at `path_time` (M,) [s]."""
+    """Yield each measurement with its rows among the samples at `path_time` (M,) [s]."""
     for measurement in measurements:
         first, last = np.searchsorted(path_time, (measurement.start, measurement.end))
         yield measurement, slice(int(first), int(last))
@@ -56,7 +56,7 @@ def split(
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """Speeds, travels and repetitions of the motions in a motor bench run.
+    """Speeds, travels and numbers of repetitions of the motions in a motor bench run.
 
     Parameters
     ----------
@@ -160,7 +160,8 @@ class BenchMotion:
         free = 2.0 * min(middle - limits.position_min[joint], limits.position_max[joint] - middle)
         if free < plan.span:
             raise ExcitationError(
-                f'{name} can move {max(free, 0.0):.3g} rad about {middle:.3g} rad, less than the '
+                f'{name} can move {max(free, 0.0):.3g} rad about {middle:.3g} rad, less than '
+                'the '
                 f'span of {plan.span:.3g} rad: choose a smaller span or another posture'
             )
         if max(plan.speeds) > limits.velocity[joint]:
@@ -231,7 +232,7 @@ class BenchMotion:
         self._add(f'{name} swings', swings)
 
     def _move(self, end: Array) -> None:
-        """Append a motion to the posture `end`; the motion is not evaluated."""
+        """Append a motion to the posture `end`; the bench does not evaluate this motion."""
         duration = rest_to_rest_duration(
             end - self._at,
             _TRANSFER_SHARE * self._limits.velocity,
@@ -251,7 +252,7 @@ class BenchMotion:
 
 
 def bench_checker(setup: ExcitationSetup, mounted: bool) -> FeasibilityChecker:
-    """Return the feasibility checker for a bench's motion.
+    """Return the checker that compares a bench motion with the limits of the arm.
 
     Parameters
     ----------

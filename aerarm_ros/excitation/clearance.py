@@ -24,7 +24,7 @@ GROUND = 'ground'
 def build_collision_geometry(
     robot: Robot, ground_height: float | None, package_directories: Sequence[Path] = ()
 ) -> pin.GeometryModel:
-    """Return the collision shapes of an arm and its surroundings; the pairs are still empty.
+    """Return the collision shapes of an arm and its surroundings, without collision pairs.
 
     Meshes are replaced by their convex hulls.
 
@@ -77,7 +77,9 @@ def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.Geome
 def _ground(robot: Robot, height: float) -> pin.GeometryObject:
     gravity = np.asarray(robot.gravity_in_base, dtype=float)
     if not np.linalg.norm(gravity) > 0.0:
-        raise ExcitationError('the ground needs a direction of gravity: set ground_height to null')
+        raise ExcitationError(
+            'without gravity the ground has no direction: set ground_height to null'
+        )
     up = -gravity / np.linalg.norm(gravity)
     plane = pin.hppfcl.Halfspace(up, height)
     return pin.GeometryObject(GROUND, 0, 0, pin.SE3.Identity(), plane)
@@ -97,7 +99,7 @@ def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
 
 
 def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
-    """Return upper bounds of the distance change per joint angle for pairs of bodies, (pairs, n).
+    """Return upper bounds of distance change per joint angle for all pairs, (pairs, n) [m/rad].
 
     The distance of two bodies changes by at most the relative motion of their points. A rotation
     of joint j by one radian moves a point of a body by at most the point's distance from the
@@ -117,14 +119,14 @@ def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
             bounds[row] += _reach(model, shape, list(model.supports[other.parentJoint]))
     if not np.isfinite(bounds).all():
         raise ExcitationError(
-            'the reach of the arm is unknown, because a prismatic joint has no position '
-            'limits: add them to the URDF'
+            'the reach of the arm is unknown, because a prismatic joint has no position limits: '
+            'add limits of this joint to the URDF'
         )
     return bounds
 
 
 def _reach(model: pin.Model, shape: pin.GeometryObject, shared: Sequence[int]) -> Array:
-    """Return the radius of `shape` about each joint that moves it and is not in `shared` [m]."""
+    """Return the radius [m] of a shape about each joint that moves it; zero for `shared` joints."""
     reach = np.zeros(model.nv)
     if shape.parentJoint == 0:
         return reach
@@ -149,12 +151,12 @@ def _reach(model: pin.Model, shape: pin.GeometryObject, shared: Sequence[int]) -
 _SAMPLES = 500
 _CONSTANT = 1e-5  # [m]
 _BUILT_CLOSE = 1.25
-"""Links whose distance never exceeds this multiple of the clearance count as close by design."""
+"""Links count as close by design if their distance stays below this multiple of the clearance."""
 
 
 @dataclass(frozen=True)
 class CollisionPairs:
-    """Pairs of shapes whose distance is checked, with the required distances.
+    """Required distances of the checked pairs of shapes, and notes on other pairs.
 
     Parameters
     ----------
@@ -199,7 +201,7 @@ def select_pairs(
 
 
 class _Selection:
-    """Selection of collision pairs, see `select_pairs`."""
+    """Selection of the pairs of shapes whose distance is checked, for `select_pairs`."""
 
     def __init__(
         self,
@@ -270,7 +272,9 @@ class _Selection:
             return None
         if farthest < 0.0 and self._is_base_and_link_1(pair):
             self._note(
-                pair, 'not checked, because joint 1 connects them and they overlap in every posture'
+                pair,
+                'not checked, because joint 1 connects both links, and they overlap in every '
+                'posture',
             )
             return None
         if self._both_of_the_arm(pair) and 0.0 <= farthest <= _BUILT_CLOSE * wanted:
@@ -290,8 +294,7 @@ class _Selection:
         found = (
             'overlaps in every posture'
             if farthest < 0.0
-            else f'is at most {farthest:.3g} m apart, {wanted - farthest:.2g} m less than the '
-            f'required {wanted:g} m'
+            else f'has a distance of at most {farthest:.3g} m, less than the required {wanted:g} m'
         )
         remedy = (
             'ground_height and ground_clearance'
@@ -311,7 +314,7 @@ class _Selection:
         return set(self._names(pair)) == {self._base, self._robot.link_names[0]}
 
     def _both_of_the_arm(self, pair: pin.CollisionPair) -> bool:
-        """Return whether both shapes are links of the arm; False for base and link 1."""
+        """Return whether both shapes belong to links of the arm; False for base and link 1."""
         shapes = [self._geometry.geometryObjects[i] for i in (pair.first, pair.second)]
         low, high = sorted(shape.parentJoint for shape in shapes)
         return low > 0 or (self._base in self._names(pair) and high > 1)
@@ -441,7 +444,7 @@ class ClearanceChecker:
 
     @property
     def steepest(self) -> Array:
-        """Bound (n,) [m/rad] of how fast any pair's distance changes with each joint angle."""
+        """Upper bounds (n,) [m/rad] of the distance change per joint angle, over all pairs."""
         return np.asarray(self._bounds.max(axis=0))
 
     def distances(self, q: Array) -> Array:

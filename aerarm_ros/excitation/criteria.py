@@ -45,7 +45,7 @@ class SmoothRegressor:
 
     @property
     def thesis_columns(self) -> slice:
-        """Regressor columns of thesis (3.6), without rotor inertia."""
+        """Slice of the regressor columns of thesis (3.6), which has no rotor inertia."""
         return slice(0, 12 * self._n)
 
     def stack(self, states: JointReference) -> Array:
@@ -61,7 +61,7 @@ class SmoothRegressor:
     def derivatives(
         self, states: JointReference, stacked: Array
     ) -> Iterator[tuple[int, int, Array]]:
-        """Yield the derivative (M, n, p) of the regressor with respect to each entry of the state.
+        """Yield the derivative (M, n, p) of the regressor by each entry of q, dq and ddq.
 
         The derivatives are forward differences. Only the position derivatives have an error
         (about 1e-6) that exceeds rounding errors.
@@ -80,7 +80,7 @@ class SmoothRegressor:
 
 @dataclass(frozen=True, eq=False)
 class IdentifiableSpace:
-    """Space of the parameter combinations that any motion of the arm can identify.
+    """Space of all parameter combinations that motions of the arm can identify.
 
     Parameters
     ----------
@@ -134,12 +134,12 @@ class DesignCriterion(Protocol):
     """Design criterion to minimize."""
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the criterion, and its derivative by the regressor (M, n, p) of one period."""
+        """Return the criterion for one period, and its derivative by the regressor (M, n, p)."""
         ...
 
 
 def information_gradient(stacked: Array, by_information: Array) -> Array:
-    """Return the derivative of a function of the information matrix with respect to the regressor.
+    """Return the derivative of a criterion by the regressor, from that by the information matrix.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def information(stacked: Array) -> Array:
 
 
 class BoundedCriterion:
-    """Smooth penalty that acts if another criterion exceeds a limit.
+    """Smooth penalty for values of another criterion above a limit.
 
     The penalty log(1 + exp(s (value - limit))) / s, with s = 20, is almost zero below the limit and
     rises with slope one above the limit.
@@ -172,7 +172,7 @@ class BoundedCriterion:
         self._limit = limit
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the value and derivative of the criterion, see `DesignCriterion`."""
+        """Return the penalty and its derivative by the regressor."""
         value, gradient = self._criterion.evaluate(stacked)
         excess = _SHARPNESS * (value - self._limit)
         slope = float(np.exp(-np.logaddexp(0.0, -excess)))
@@ -180,7 +180,7 @@ class BoundedCriterion:
 
 
 class CombinedCriterion:
-    """Weighted sum of criteria, each of which is a logarithm of a quantity.
+    """Weighted sum of criteria, each of them a logarithm.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ class CombinedCriterion:
         self._parts = tuple(parts)
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the value and derivative of the criterion, see `DesignCriterion`."""
+        """Return the weighted sum and its derivative by the regressor."""
         value, gradient = 0.0, np.zeros_like(stacked)
         for weight, criterion in self._parts:
             part, part_gradient = criterion.evaluate(stacked)
@@ -201,7 +201,7 @@ class CombinedCriterion:
 
 
 class ConditionCriterion:
-    """Logarithm of sigma_max / sigma_min over the non-zero singular values, thesis (5.2).
+    """Log condition number, thesis (5.2): log(sigma_max / sigma_min) of non-zero singular values.
 
     The largest and smallest eigenvalue are not differentiable where two eigenvalues cross. A
     log-sum-exp of sharpness rho therefore smooths both eigenvalues; it overestimates the logarithm
@@ -229,7 +229,7 @@ class ConditionCriterion:
         self._sharpness = sharpness
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the value and derivative of the criterion, see `DesignCriterion`."""
+        """Return the log condition number and its derivative by the regressor."""
         chosen = stacked[:, :, self._columns]
         value, by_information = (self._of_scaled if self._scaled else self._of_plain)(chosen)
         gradient = np.zeros_like(stacked)
@@ -237,7 +237,7 @@ class ConditionCriterion:
         return value, gradient
 
     def condition_number(self, stacked: Array) -> float:
-        """Return the exact ratio sigma_max / sigma_min, without smoothing."""
+        """Return the exact condition number sigma_max / sigma_min, without smoothing."""
         chosen = stacked[:, :, self._columns]
         if self._scaled:
             matrix = self._correlation(information(chosen))[0]
@@ -270,7 +270,7 @@ class ConditionCriterion:
         return part / np.outer(norms, norms), norms
 
     def _soft_condition(self, matrix: Array) -> tuple[float, Array]:
-        """Return a smooth approximation of the log condition number, and its derivative."""
+        """Return a smooth approximation of the log condition number, and the derivative."""
         eigenvalues, vectors = np.linalg.eigh(matrix)
         log = np.log(np.maximum(eigenvalues, np.finfo(float).tiny))
         rho = self._sharpness
@@ -303,7 +303,7 @@ class InformationCriterion:
         self._noise = noise
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the value and derivative of the criterion, see `DesignCriterion`."""
+        """Return the mean log standard deviation and its derivative by the regressor."""
         weighted = stacked / self._noise[:, np.newaxis]
         matrix = self._basis.T @ information(weighted) @ self._basis
         sign, log_determinant = np.linalg.slogdet(matrix)
@@ -315,7 +315,7 @@ class InformationCriterion:
         return float(-0.5 * log_determinant / rank), gradient
 
     def standard_deviations(self, stacked: Array, samples: int) -> Array:
-        """Return lower bounds (Cramer-Rao) of the standard deviations of all parameters, (p,).
+        """Return Cramer-Rao lower bounds (p,) of the standard deviations of all parameters.
 
         Parameters
         ----------

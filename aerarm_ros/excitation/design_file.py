@@ -38,7 +38,7 @@ FORMAT = 'aerarm_ros/fourier_trajectory/1'
 
 @dataclass(frozen=True)
 class _Document:
-    """Keys of a trajectory file; the program does not read the entries of `made_with`."""
+    """Keys of a trajectory file; the entry `made_with` is only for information."""
 
     format: str
     fundamental_frequency: float
@@ -144,7 +144,7 @@ class TrajectoryFile:
         return cls(trajectory, names, document.made_with, document.periods)
 
     def for_joints(self, joint_names: Sequence[str]) -> FourierTrajectory:
-        """Return the trajectory with its coefficient rows in the order of `joint_names`.
+        """Return the trajectory, with one row of coefficients per joint in the order `joint_names`.
 
         Raises
         ------
@@ -162,7 +162,7 @@ class TrajectoryFile:
 
 
 def describe_margins(report: FeasibilityReport) -> dict[str, Any]:
-    """Return the smallest margin to each kind of limit, for the entry `made_with`."""
+    """Return the smallest margin to each kind of limit, for the file entry `made_with`."""
     return {
         margin.limit: {
             'subject': margin.subject,
@@ -177,7 +177,7 @@ def describe_margins(report: FeasibilityReport) -> dict[str, Any]:
 def designed_file(
     specification: DesignSpecification, result: DesignResult, periods: int
 ) -> TrajectoryFile:
-    """Return the trajectory file of a design; `periods` is the number of periods to play."""
+    """Return the trajectory file of a design, with `periods` as the number of periods to play."""
     quality = result.quality
     made_with: dict[str, Any] = {
         'objective': specification.objective,

@@ -23,7 +23,7 @@ _CANDIDATES = 12  # steps of the optimizer to check
 
 
 class StateBasis:
-    """Linear map from a coefficient matrix to the states of one period with run-in and run-out.
+    """Linear map from Fourier coefficients to the states of one period with run-in and run-out.
 
     The coefficient matrix X (1 + 2N, n) has one column per joint: bias, sine and cosine
     coefficients. Position, velocity and acceleration are linear in X, so the map consists of the
@@ -48,7 +48,7 @@ class StateBasis:
         played = RampedExcitation(unit, 1, ramp_time)
         step = 1.0 / (fundamental * harmonics * _SAMPLES)
         self.period_samples = harmonics * _SAMPLES
-        """Number of samples of the period; the samples of the ramps follow."""
+        """Number of samples in the period; the samples of run-in and run-out follow."""
         ramp = np.linspace(0.0, ramp_time, max(int(ramp_time / step), 2))
         self.times: Array = np.concatenate(
             [
@@ -61,7 +61,7 @@ class StateBasis:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Shape (1 + 2N, n) of the coefficient matrix."""
+        """Shape (1 + 2N, n) of the matrix of Fourier coefficients."""
         return 1 + 2 * self.harmonics, self.n
 
     def coefficients(self, trajectory: FourierTrajectory) -> Array:
@@ -78,7 +78,7 @@ class StateBasis:
         return JointReference(*(basis @ coefficients for basis in self._basis))
 
     def pull_back(self, *gradients: Array) -> Array:
-        """Convert the gradient of a function of the states to a gradient by the coefficients.
+        """Convert a function's gradient by the states to its gradient by the coefficients.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class StateBasis:
 
 
 class DesignConstraints:
-    """Smooth constraints of a design: one for each joint and kind of limit, one for all clearances.
+    """Smooth constraints: one for each joint and kind of limit, and one for all clearances.
 
     The samples of each constraint are combined by the Kreisselmeier-Steinhauser function, a
     log-sum-exp that is never below the largest sample, so a satisfied constraint is satisfied at
@@ -108,7 +108,7 @@ class DesignConstraints:
     """
 
     _CLEARANCE_SCALE = 0.1
-    """Distance [m] that counts as much as the full range of a joint limit."""
+    """Distance [m] in the clearance constraint that counts as much as a joint's full limit."""
 
     def __init__(
         self, limits: MotionLimits, effort: Array, clearance: ClearanceChecker | None
@@ -120,7 +120,7 @@ class DesignConstraints:
         self._scales = (half_range, limits.velocity, limits.acceleration, effort)
         finite = np.isfinite(np.concatenate(self._scales))
         self.active = np.append(finite, [True] * (clearance is not None))
-        """Mask of the active constraints; an infinite limit has no constraint."""
+        """Mask of the constraints with a finite limit; other constraints are omitted."""
         self._clearance = clearance
 
     def values(self, states: JointReference, effort: Array, period: int) -> Array:
@@ -141,7 +141,7 @@ class DesignConstraints:
     def gradients(
         self, states: JointReference, effort: Array, period: int
     ) -> tuple[list[Array], Array | None]:
-        """Return the derivatives of the constraints with respect to the sampled states and torques.
+        """Return the derivatives of the constraints by the sampled states and torques.
 
         Returns
         -------
@@ -167,7 +167,7 @@ class DesignConstraints:
         return np.asarray(scipy.special.logsumexp(_SHARPNESS * values, axis=0) / _SHARPNESS)
 
     def _shortfall(self, positions: Array) -> Array:
-        """Return the scaled missing distance of each posture, (M,); positive if violated."""
+        """Return the scaled missing clearance (M,) of each posture; positive if too close."""
         assert self._clearance is not None
         margins = np.array([self._clearance.margin(q) for q in positions])
         return (_PAD - margins) / self._CLEARANCE_SCALE
@@ -184,20 +184,20 @@ class DesignConstraints:
 
 
 class FeasibleIterates:
-    """Steps of an optimizer that satisfy the constraints.
+    """Record of the optimizer steps that satisfy the constraints.
 
     If the optimizer is stopped, or its optimum violates a limit between samples, an earlier
     iterate is often feasible and almost as good.
     """
 
     _TOLERANCE = 1e-3
-    """Accepted violation of the constraints, which are conservative."""
+    """Accepted violation of the constraints; harmless, because the constraints are conservative."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, int, Array]] = []
         self._count = 0
         self.last: Array | None = None
-        """The latest step of the optimizer, feasible or not."""
+        """Coefficients of the optimizer's latest step, feasible or not."""
 
     def see(self, x: Array, value: float, constraints: Array) -> None:
         """Store a step of the optimizer if it satisfies the constraints.
@@ -226,7 +226,7 @@ class FeasibleIterates:
 
 @dataclass
 class _Point:
-    """Results of the last evaluation, and the coefficient vector to which they belong."""
+    """Coefficient vector of the last evaluation, and the results for this vector."""
 
     key: bytes
     states: JointReference
@@ -306,7 +306,7 @@ class DesignProblem:
         return point
 
     def _contract(self, point: _Point) -> tuple[Array, Array]:
-        """Return the derivatives of criterion (3, P, n) and torques (3, M, n, n) by the states.
+        """Return the derivatives of criterion (3, P, n) and torques (3, M, n, n) by q, dq and ddq.
 
         The regressor's derivative (3 n, M, n, p) is computed entry by entry, to limit the memory.
         """

@@ -46,7 +46,7 @@ from aerarm_ros.motion.signals import Array, JointMotion
 
 @dataclass(frozen=True, eq=False)
 class RandomTrajectory:
-    """Distribution of random trajectories with bounded Fourier coefficients and centre.
+    """Distribution of random trajectories, with bounds of Fourier coefficients and centre.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class RandomTrajectory:
         if not (np.isfinite(self.amplitude) and self.amplitude > 0.0):
             raise ExcitationError(f'amplitude must be positive, got {self.amplitude} rad')
         if self.harmonics < 1 or self.harmonics != int(self.harmonics):
-            raise ExcitationError(f'at least one harmonic is needed, got {self.harmonics}')
+            raise ExcitationError(f'at least one harmonic is needed, not {self.harmonics}')
         if not (np.isfinite(self.fundamental) and self.fundamental > 0.0):
             raise ExcitationError(f'fundamental must be positive, got {self.fundamental} Hz')
 
@@ -129,14 +129,15 @@ class RandomTrajectory:
             key=lambda margin: margin.relative,
         )
         binding = (
-            f'{limit} of {subject} is outside its limit in {100 * count / len(broken):.0f} % of '
-            f'them (best value {best.reached:.4g} {best.unit}, limit {best.allowed:.4g} '
+            f'{limit} of {subject} exceeds its limit in {100 * count / len(broken):.0f} % of the '
+            f'random trajectories (best value {best.reached:.4g} {best.unit}, limit '
+            f'{best.allowed:.4g} '
             f'{best.unit})'
         )
         return NothingDrawnError(
             f'none of {len(broken)} random trajectories (seed {seed}) is feasible; {binding}. '
             f'Lower the amplitude ({self.amplitude:g} rad) or the fundamental '
-            f'({self.fundamental:g} Hz), or check that limit and the bias',
+            f'({self.fundamental:g} Hz), or check this limit and the bias',
             binding,
         )
 
@@ -144,11 +145,11 @@ class RandomTrajectory:
 APPROACH, EXCITATION, RETURN = 'approach', 'excitation', 'return'
 
 Slowdown = Callable[[JointMotion], float]
-"""Function that returns the factor, 1 or more, by which a motion must be slowed down."""
+"""Type of a function that returns the factor (1 or more) by which to slow a motion down."""
 
 
 class ExcitationPlanner:
-    """Planner of motions to a trajectory, along it, and back; it checks the complete motion.
+    """Planner and checker of complete motions: to a trajectory, along the trajectory, and back.
 
     Parameters
     ----------
@@ -182,7 +183,7 @@ class ExcitationPlanner:
     def slowed(
         self, trajectory: FourierTrajectory, periods: int, slowdown: Slowdown
     ) -> FourierTrajectory:
-        """Return a trajectory of the same shape, slowed down until `slowdown` requires no more."""
+        """Return a trajectory of the same shape, slowed down as far as `slowdown` requires."""
         while (factor := slowdown(self._excitation(trajectory, periods))) > self._SLOWED:
             trajectory = trajectory.slowed(factor)
         return trajectory
@@ -230,7 +231,7 @@ class ExcitationPlanner:
     def _transfer(
         self, name: str, postures: tuple[Array, Array, Array], slowdown: Slowdown
     ) -> list[Stage]:
-        """Return the first feasible path from the first to the second posture of `postures`.
+        """Return the first feasible candidate path between the first two postures of `postures`.
 
         The third posture is the centre, through which one candidate leads.
         """
@@ -242,7 +243,8 @@ class ExcitationPlanner:
                 return stages
             closest = closest or report.binding
         raise InfeasibleError(
-            f'no path was found for the {name} ({closest}): bring the arm to another posture first'
+            f'no feasible path was found for the {name} (direct path: {closest}): move the arm to '
+            'another posture first'
         )
 
     def _stages(self, name: str, way: Sequence[Array], slowdown: Slowdown) -> list[Stage]:
@@ -257,7 +259,7 @@ class ExcitationPlanner:
 
 
 def _ways(start: Array, end: Array, centre: Array) -> Iterator[list[Array]]:
-    """Yield paths as lists of postures: direct, through `centre`, and joint by joint."""
+    """Yield candidate paths as lists of postures: direct, through `centre`, joint by joint."""
     yield [start, end]
     yield [start, centre, end]
     for order in (range(len(start)), reversed(range(len(start)))):
@@ -344,13 +346,13 @@ class ExcitationSetup:
 
     @cached_property
     def usable_limits(self) -> MotionLimits:
-        """Position, velocity, acceleration and torque limits that an excitation may use."""
+        """Position, velocity, acceleration and torque limits that an excitation must keep."""
         config = self.config
         return self.limits.scaled(config.position_share, config.velocity_share, config.effort_share)
 
     @cached_property
     def effort_model(self) -> EffortModel:
-        """Model of joint torques and motor currents with nominal parameters."""
+        """Model of joint torques and motor currents with the arm's nominal parameters."""
         return EffortModel(self.robot, self.rotor_inertia, self.torque_per_ampere)
 
     @cached_property
@@ -377,7 +379,7 @@ class ExcitationSetup:
 
     @cached_property
     def checker(self) -> FeasibilityChecker:
-        """Feasibility checker with the fraction of the limits that an excitation may use."""
+        """Feasibility checker with the limits that an excitation may use."""
         return FeasibilityChecker(
             self.usable_limits,
             self.clearance,

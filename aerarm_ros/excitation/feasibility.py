@@ -19,7 +19,7 @@ from aerarm_ros.motion.signals import Array, JointMotion, JointReference
 
 
 class EffortModel:
-    """Joint torques and motor currents of a motion, thesis (2.18), with rotors and friction.
+    """Model of joint torques and motor currents, thesis (2.18), with rotors and friction.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class EffortModel:
         )
 
     def carry(self, payload: ArrayLike) -> None:
-        """Add a payload to the last link, see `Dynamics.carry`."""
+        """Add a payload to the last link of the model, see `Dynamics.carry`."""
         self._dynamics.carry(payload)
 
     def effort(self, position: Array, velocity: Array, acceleration: Array) -> Array:
@@ -75,7 +75,7 @@ class EffortModel:
 
 @dataclass(frozen=True)
 class LimitMargin:
-    """Margin of a motion to one limit of one joint or pair of links.
+    """Margin between a motion and one limit of one joint or pair of links.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class LimitMargin:
 def peak_margins(
     limit: str, unit: str, names: Sequence[str], times: Array, values: Array, allowed: Array
 ) -> list[LimitMargin]:
-    """Return the margin of each joint at its largest absolute value; infinite limits are omitted.
+    """Return the margin of each joint's largest absolute value to its limit, if finite.
 
     Parameters
     ----------
@@ -153,11 +153,11 @@ class FeasibilityReport:
 
     @property
     def binding(self) -> LimitMargin:
-        """Margin of the motion that is the smallest, relative to its limit."""
+        """Margin of the motion that is smallest relative to the limit."""
         return min(self.margins, key=lambda margin: margin.relative)
 
     def worst_of_each(self) -> list[LimitMargin]:
-        """Return the smallest margin, over all joints or pairs of links, of each kind of limit."""
+        """Return the smallest margin to each kind of limit, over all joints and pairs of links."""
         worst: dict[str, LimitMargin] = {}
         for margin in self.margins:
             if margin.limit not in worst or margin.relative < worst[margin.limit].relative:
@@ -193,7 +193,7 @@ def effort_margins(
     times: Array,
     states: JointReference,
 ) -> list[LimitMargin]:
-    """Return how far a motion's joint torques and motor currents stay below their limits.
+    """Return the margins of a motion's joint torques and motor currents to their limits.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ class StopLimits:
     """
 
     _RESTS = 0.02
-    """Time between two postures of the motion at which holding is checked [s]."""
+    """Time between two postures of the motion in which holding at rest is checked [s]."""
 
     def __init__(self, limits: MotionLimits, effort_model: EffortModel | None) -> None:
         self.limits = limits
@@ -244,14 +244,14 @@ class StopLimits:
             self._effort = np.minimum(limits.effort, effort_model.torque(limits.current))
 
     def rows(self, point: JointReference) -> Iterable[Row]:
-        """Return the limits of a stop at a point (n,) of the motion, for `stop_along`."""
+        """Return acceleration, torque and current limits at a posture (n,), for `stop_along`."""
         rows = [*self._acceleration_rows(point)]
         if self._effort_model is not None:
             rows += self._effort_rows(self._effort_model, point)
         return rows
 
     def margins(self, motion: JointMotion) -> list[LimitMargin]:
-        """Return the margins for holding the arm at rest at any point of `motion`."""
+        """Return the torque and current margins for holding the arm in any posture of `motion`."""
         if self._effort_model is None:
             return []
         times = np.append(np.arange(0.0, motion.duration, self._RESTS), motion.duration)
@@ -260,7 +260,7 @@ class StopLimits:
         return effort_margins(what, self.limits, self._effort_model, times, rest)
 
     def inertial_torque(self, q: Array, ddq: Array) -> Array | None:
-        """Return the torque [Nm] for an acceleration, within limits; None without a model.
+        """Return the torque [Nm] that an acceleration needs, cut to limits; None without a model.
 
         All arrays are (n,).
         """
@@ -274,7 +274,7 @@ class StopLimits:
         return torque
 
     def _effort_rows(self, model: EffortModel, point: JointReference) -> Iterable[Row]:
-        """Return rows for `stop_along` that limit the torque and the current of each joint.
+        """Return the constraints of `stop_along` on the torque and the current of each joint.
 
         Friction is assumed to fall with the squared speed during the stop. Real friction falls
         less, so a braking motor needs less torque than computed.
@@ -315,7 +315,7 @@ class FeasibilityChecker:
     CYCLE = 1e-3
     """Control cycle [s]."""
     _GLANCE = 25
-    """Number of control cycles between two samples of the first, coarse check."""
+    """Number of control cycles between samples in the coarse check, which comes first."""
 
     def __init__(
         self,

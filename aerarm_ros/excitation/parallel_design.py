@@ -24,7 +24,7 @@ Outcome = DesignResult | InfeasibleError
 _worker: _Worker | None = None
 
 GRACE = 20.0
-"""Time within which worker processes return their best result after a stop request [s]."""
+"""Time that worker processes have to return their best result after a stop request [s]."""
 _INTERVAL = 0.1  # [s] between two checks of the stop request
 
 
@@ -34,7 +34,7 @@ def design_all(
     workers: int = 1,
     stop: Callable[[], bool] = lambda: False,
 ) -> Iterator[Outcome]:
-    """Yield the result of the design from each random start, when it is finished.
+    """Yield the result of each design, one per random start, as soon as the design is finished.
 
     Each start has its own random numbers, so the set of results does not depend on the number of
     workers. Leaving the iteration early ends the workers.
@@ -95,7 +95,7 @@ class _Worker:
         return bool(self.stopping.value)
 
     def prepare(self) -> None:
-        """Prepare a worker process: build its designer, and start to watch for a stop."""
+        """Prepare a worker process: build the designer, and watch for a stop request."""
         global _worker
         _worker = self
         self.designer = TrajectoryDesigner(self.specification)

@@ -16,10 +16,10 @@ from aerarm_ros.motion.signals import Array, JointCommand, JointReference
 
 
 class CommandLaw(Protocol):
-    """Control law that maps a reference to a command."""
+    """Control law that maps a reference to a command (interface)."""
 
     def command(self, reference: JointReference, position: Array) -> JointCommand:
-        """Return the command that follows `reference` at the measured `position` (n,) [rad]."""
+        """Return the command for `reference` at the measured `position` (n,) [rad]."""
         ...
 
 
@@ -66,7 +66,7 @@ class VelocityLaw:
 
 
 class PlayState(Enum):
-    """State of an excitation player."""
+    """State of an excitation player: waiting, playing, stopping, finished or aborted."""
 
     RUNNING = 'running'
     STOPPING = 'stopping'
@@ -106,7 +106,9 @@ class ExcitationPlayer:
         largest_gap: float = 0.1,
     ) -> None:
         if min(tracking_limit, largest_gap) <= 0.0:
-            raise ExcitationError('tracking limit and largest gap must be positive')
+            raise ExcitationError(
+                'tracking limit and largest gap between joint states must be positive'
+            )
         self.motion = motion
         self._law = law
         self._stops = stops
@@ -122,9 +124,9 @@ class ExcitationPlayer:
         self.fault: str | None = None
         """Reason why the motion was aborted, None if it was not."""
         self.path_time = 0.0
-        """Time along the motion at the last state [s]."""
+        """Time in the motion at the last measured state [s]."""
         self.largest_error = np.zeros(len(self._joint_names))
-        """Largest |q_d - q| so far (n,) [rad]."""
+        """Largest tracking error |q_d - q| so far (n,) [rad]."""
 
     @property
     def done(self) -> bool:
@@ -142,7 +144,7 @@ class ExcitationPlayer:
         return self.motion.stage_at(self.path_time).name
 
     def stop(self) -> None:
-        """Begin a stop along the path of the motion at the next state."""
+        """Request a stop along the path of the motion; the stop begins at the next state."""
         if self.state is PlayState.RUNNING:
             self.state = PlayState.STOPPING
 
@@ -195,7 +197,7 @@ class ExcitationPlayer:
         return self._with_braking(command, path) if command.tau is None else command
 
     def ahead(self, times: Array) -> JointReference | None:
-        """Return references (M, n) at times (M,) [s] after the last state; None without a state."""
+        """Return references (M, n) at times (M,) [s] after the last state; None before a state."""
         if self._start_ns is None:
             return None
         now = (self._last_ns - self._start_ns) * 1e-9

@@ -85,7 +85,7 @@ def _points(geometry: Any) -> Array | None:
 
 
 def _outermost(points: Array) -> Array:
-    """Return those of the points (P, 3) that are outermost in evenly spread directions.
+    """Return the outermost points among (P, 3) points, one for each of many directions.
 
     A hull of a scanned shape has thousands of corners, and an animation stores each many times.
     """
@@ -125,7 +125,7 @@ class ArmAnimation:
 
     @property
     def tool_name(self) -> str:
-        """Name of the drawn tool frame: the last link's frame farthest from its joint."""
+        """Name of the drawn tool frame: of the last link's frames, the farthest from the joint."""
         return str(self._robot.model.frames[self._tool].name)
 
     def tool_path(self, positions: Array) -> Array:
@@ -176,7 +176,7 @@ class ArmAnimation:
         return max(last, key=lambda i: float(np.linalg.norm(frames[i].placement.translation)))
 
     def _draw(self, q: Array) -> list[go.Mesh3d]:
-        """Return the meshes of all links at the posture q."""
+        """Return Plotly meshes of all links in the posture q, with corners and triangles."""
         meshes = self._place(q)
         for drawn, (joint, mesh) in zip(meshes, self._bodies.items(), strict=True):
             i, j, k = mesh.triangles.astype(np.uint32).T
@@ -186,7 +186,7 @@ class ArmAnimation:
         return meshes
 
     def _place(self, q: Array) -> list[go.Mesh3d]:
-        """Return meshes with the corner positions of all links at the posture q."""
+        """Return Plotly meshes of all links in the posture q, with corner positions only."""
         pin.forwardKinematics(self._robot.model, self._data, q)
         meshes = []
         for joint, mesh in self._bodies.items():
@@ -292,8 +292,8 @@ class Preview:
                                                             'base frame, and the covered '
                                                             'fraction of each joint range.'),
             ('Excitation of each parameter', [self._deviations()], 'Expected standard deviation '
-                                                                   'of each parameter, for its '
-                                                                   'identifiable part, after one '
+                                                                   'of the identifiable part of '
+                                                                   'each parameter, after one '
                                                                    'period at 1 kHz with white '
                                                                    'torque noise. Smaller is '
                                                                    'better. A parameter without '
@@ -312,11 +312,11 @@ class Preview:
         other = self._reference.quality
         gain = np.exp(other.log_deviation - quality.log_deviation)
         lead = (
-            f'{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. Condition number of the '
-            f'regressor (thesis, equation 5.2): {quality.condition_number:.1f} (random motion from '
-            f'which the design started: {other.condition_number:.1f}). With columns scaled to '
-            f'equal length: {quality.scaled_condition_number:.1f} (random motion: '
-            f'{other.scaled_condition_number:.1f}). The expected standard deviations of the '
+            f'{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. The condition number of '
+            f'the regressor (thesis, equation 5.2) is {quality.condition_number:.1f}, for the '
+            f'random initial motion {other.condition_number:.1f}. With columns scaled to equal '
+            f'length, it is {quality.scaled_condition_number:.1f}, for the random motion '
+            f'{other.scaled_condition_number:.1f}. The expected standard deviations of the '
             f'parameters are {gain:.2f} times smaller than with the random motion (geometric mean).'
         )
         rows = [

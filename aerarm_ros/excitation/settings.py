@@ -1,4 +1,4 @@
-"""Settings, motion limits and exceptions of an excitation."""
+"""Settings, motion limits and error types of an excitation."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class DesignStoppedError(ExcitationError):
 
 
 def one_per_joint(name: str, values: ArrayLike, n: int) -> Array:
-    """Return an (n,) array from one value for all joints, or from one value per joint.
+    """Return an (n,) array; `value` contains one value for all joints, or one per joint.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def one_per_joint(name: str, values: ArrayLike, n: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Motion limits of all joints, arrays (n,) in the order of the joints; infinite if unlimited.
+    """Motion limits of all joints, as arrays (n,) in the order of the joints; inf means no limit.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class MotionLimits:
     def of_robot(
         cls, robot: Robot, acceleration_limit: ArrayLike = np.inf, current_limit: ArrayLike = np.inf
     ) -> MotionLimits:
-        """Return the motion limits in a URDF, and the given acceleration and current limits.
+        """Return the motion limits of a URDF, with the given acceleration and current limits.
 
         Parameters
         ----------
@@ -145,7 +145,7 @@ class MotionLimits:
         )
 
     def scaled(self, position: float, velocity: float, effort: float) -> MotionLimits:
-        """Return the usable part of the limits, each scaled by a factor in (0, 1].
+        """Return the part of the limits that an excitation may use: factors in (0, 1].
 
         Parameters
         ----------
@@ -277,7 +277,7 @@ def load_excitation_config(path: Path | str | None = None) -> ExcitationConfig:
 def _build(document: dict[str, Any]) -> ExcitationConfig:
     if 'stop_time' in document:
         raise ConfigError(
-            'stop_time is no longer used: delete the line; motions stop as fast as the limits of '
-            'the arm allow'
+            'the setting stop_time is obsolete, because motions stop as fast as the limits of '
+            'the arm allow: delete the line'
         )
     return build(ExcitationConfig, 'top level', document)

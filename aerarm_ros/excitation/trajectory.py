@@ -124,13 +124,13 @@ def transfer(start: ArrayLike, end: ArrayLike, duration: float) -> PolynomialPat
 
 
 def standstill(position: ArrayLike) -> PolynomialPath:
-    """Return a motion that rests at `position` (n,) [rad] for one control cycle."""
+    """Return a motion of one control cycle at rest at `position` (n,) [rad]."""
     return transfer(position, position, 1e-3)
 
 
 @dataclass(frozen=True)
 class Stage:
-    """Named part of a motion sequence."""
+    """Part of a motion sequence, with a name."""
 
     name: str
     motion: JointMotion
@@ -250,11 +250,11 @@ class RampedExcitation:
 
     @property
     def periodic_duration(self) -> float:
-        """Duration of the part at full speed [s], a whole number of periods."""
+        """Duration of the periods between run-in and run-out [s]."""
         return self.periods * self.trajectory.period
 
     def evaluate(self, time: ArrayLike) -> JointReference:
-        """Return the reference at `time` [s], scalar or (M,); at rest outside the duration."""
+        """Return the reference at `time` [s], scalar or (M,); before and after, the arm rests."""
         ramp, length = self.ramp_time, self.periodic_duration
         if np.ndim(time) == 0 and ramp <= time <= ramp + length:  # type: ignore[operator]
             return self.trajectory.evaluate(time - ramp)  # type: ignore[operator]

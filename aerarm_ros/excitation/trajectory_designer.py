@@ -87,7 +87,7 @@ class DesignResult:
 
 THESIS, SCALED, INFORMATION, BOTH = 'thesis', 'condition', 'd_optimal', 'both'
 OBJECTIVES = {
-    BOTH: 'd_optimal with an upper limit of the condition number (5.2)',
+    BOTH: 'd_optimal with an upper limit of the condition number, thesis (5.2)',
     INFORMATION: 'volume of the confidence ellipsoid under torque noise (D-optimality)',
     SCALED: 'condition number of the base regressor with normalised columns',
     THESIS: 'condition number of the regressor without rotor columns, thesis (5.2)',
@@ -96,7 +96,7 @@ OBJECTIVES = {
 
 @dataclass(frozen=True, eq=False)
 class DesignSpecification:
-    """Specification of a design: arm, family of trajectories, and objective.
+    """Specification of a trajectory design: arm, family of trajectories, and objective.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ class DesignSpecification:
         scaled: ConditionCriterion,
         optimality: InformationCriterion,
     ) -> DesignCriterion:
-        """Return the criterion to minimize for the objective, composed of the given criteria."""
+        """Return the criterion to minimize for the specified objective."""
         if self.objective == BOTH:
             # Above its limit, the condition number has twice the weight of the standard
             # deviations.
@@ -199,7 +199,7 @@ _CONVERGED, _OUT_OF_ITERATIONS = 0, 9
 
 
 class _StopDesignError(Exception):
-    """Exception raised in the objective function to stop the optimizer."""
+    """Exception that the objective function raises to stop the optimizer."""
 
 
 class TrajectoryDesigner:
@@ -211,16 +211,16 @@ class TrajectoryDesigner:
     """
 
     _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
-    """Amplitude factors tried for a feasible start, relative to the specification."""
+    """Amplitude factors, relative to the specification, to try for a feasible start."""
     _REPORT_SAMPLES = 2000
     _RESTARTS = 4
-    """Largest number of runs of the solver; a new run after a failure resets the curvature.
+    """Largest number of solver runs; a new run after a failure starts without curvature data.
     """
     _TOWARD_START = (0.97, 0.93, 0.85, 0.75, 0.6, 0.4)
-    """Fractions of the way from start to optimum, tried if smaller amplitudes are infeasible.
+    """Fractions of the way from start to optimum, to try if smaller amplitudes are infeasible.
     """
     _REPAIR = (1.0, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
-    """Amplitude factors that are tried for a result that violates a limit between samples."""
+    """Amplitude factors to try if the optimum violates a limit between samples."""
 
     def __init__(self, specification: DesignSpecification) -> None:
         setup = specification.setup
@@ -276,11 +276,11 @@ class TrajectoryDesigner:
         raise InfeasibleError(
             f'no random trajectory between a tenth and all of the amplitude {amplitude:g} rad is '
             f'feasible, because {binding}: lower the amplitude or the fundamental '
-            f'({self.specification.fundamental:g} Hz), or check that limit and the bias'
+            f'({self.specification.fundamental:g} Hz), or check this limit and the bias'
         )
 
     def design(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
-        """Return the best feasible trajectory of a design, at worst its initial trajectory.
+        """Return the best feasible trajectory of a design; if none is better, the initial one.
 
         Parameters
         ----------
@@ -310,7 +310,7 @@ class TrajectoryDesigner:
                     return result
             elif violation is None and not stopped:
                 violation = report.binding
-        remark = _explain('no better trajectory than the random start', violation)
+        remark = _explain('the random initial trajectory is the best', violation)
         seconds = time.monotonic() - began
         return replace(initial, seconds=seconds, remark=remark, stopped=stopped)
 
@@ -346,7 +346,7 @@ class TrajectoryDesigner:
             yield scaled, ', '.join(filter(None, texts))
 
     def states(self, trajectory: FourierTrajectory) -> JointReference:
-        """Return the states of one period, sampled finely enough for the reported quality."""
+        """Return the states of one period, with the sampling for the reported quality."""
         time = np.arange(self._REPORT_SAMPLES) * trajectory.period / self._REPORT_SAMPLES
         return trajectory.evaluate(time)
 
@@ -367,7 +367,7 @@ class TrajectoryDesigner:
     def _optimise(
         self, coefficients: Array, iterates: FeasibleIterates, stop: Callable[[], bool]
     ) -> Array | None:
-        """Return the optimal coefficients, None if stopped; `iterates` collects all steps."""
+        """Return the optimal coefficients; None after a stop. `iterates` collects all steps."""
         problem = self._problem
 
         def value(x: Array) -> float:

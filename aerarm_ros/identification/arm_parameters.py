@@ -1,4 +1,4 @@
-"""Nominal parameters of an arm (CAD model), from its URDF and configuration."""
+"""Nominal (CAD) parameters of an arm, from the arm's URDF and configuration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class LinkBounds:
-    """User's bounds of total mass and centres of mass, which the semidefinite solver applies.
+    """User-defined bounds of total mass and centres of mass, for the semidefinite solver.
 
     Attributes
     ----------
@@ -60,11 +60,11 @@ class InertiaBoxes:
 
     @property
     def reach(self) -> Array:
-        """Half extents of the boxes (n, 3) along the axes of the frame of each link's joint [m]."""
+        """Half side lengths (n, 3) of the boxes, along the axes of each link's joint frame [m]."""
         return np.asarray((np.abs(self.axes) @ self.half_edges[..., None])[..., 0])
 
     def corners(self) -> Array:
-        """Return the corners of the boxes (n, 8, 3) [m], each in the frame of its link's joint."""
+        """Return the corners (n, 8, 3) of the boxes [m], in the frame of each link's joint."""
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         edges = self.axes * self.half_edges[:, None, :]
         return np.asarray(self.centre[:, None, :] + signs @ edges.transpose(0, 2, 1))
@@ -90,13 +90,13 @@ def inertia_boxes(inertial: Array) -> InertiaBoxes:
 
 
 CoupledJoints = Sequence[tuple[str, str]]
-"""Pairs (joint, driver): the motion of the driver, another joint, causes a torque at the joint."""
+"""Pairs (joint, driver): motion of the joint `driver` causes a torque at the other joint."""
 
 
 def coupled_terms(
     joint_names: Sequence[str], coupled: CoupledJoints
 ) -> tuple[tuple[JointTerm, ...], ...]:
-    """Return the additional torque terms of joints whose drive is turned by another joint.
+    """Return the torque terms of coupled joints, whose drive another joint turns.
 
     In many wrists, a drive passes through another joint (its driver) and is turned by that joint.
     The torque of the driven joint then contains `cv dq + ca ddq`, with the motion of the driver.
@@ -158,7 +158,7 @@ class ArmParameters:
 
     @classmethod
     def stated(cls, robot: Robot, config: ArmConfig | None) -> 'ArmParameters':
-        """Return the parameters in the URDF, with the rotor inertia from the configuration.
+        """Return the parameters of the URDF, and the rotor inertia from the configuration.
 
         Raises
         ------
@@ -197,7 +197,7 @@ class ArmParameters:
         return np.concatenate([self.inertial.ravel(), joints])
 
     def inertial_scale(self) -> Array:
-        """Return a typical magnitude of each inertial parameter, from mass and radius of gyration.
+        """Return a typical magnitude of each inertial parameter, from mass and gyration radius.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Torque error of an estimate, thesis (5.3), and warnings about motion that it extrapolates."""
+"""Torque error of an estimate, thesis (5.3), and warnings about extrapolation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _QUANTITIES = (('q', 'position'), ('dq', 'velocity'), ('ddq', 'acceleration'))
 
 @dataclass(frozen=True, eq=False)
 class BagDemand:
-    """Excess of a bag's motion over the identification motion, and uncertainty of its torque.
+    """Excess of a bag's motion over the identification motion, and uncertainty of predicted torque.
 
     Attributes
     ----------
@@ -193,7 +193,7 @@ _SHORTEST = 10.0  # [s] shortest motion that is tested for changes
 
 @dataclass(frozen=True, eq=False)
 class ResidualTrend:
-    """Change of friction and offset of the joints from the beginning to the end of a bag.
+    """Change of the joints' friction and torque offset from the beginning to the end of a bag.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ class ResidualTrend:
 
 
 def residual_trend(bag: SampleColumns, assessed: BagAssessment) -> ResidualTrend:
-    """Estimate the change of friction and torque offset during a bag, from its torque residual.
+    """Estimate the change of friction and torque offset in a bag, from the torque residual.
 
     Parameters
     ----------
@@ -248,8 +248,16 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
     warnings = []
     for trend in trends:
         for values, what, why in (
-            (trend.friction, 'friction', 'gears that warm up; let them warm up before recording'),
-            (trend.offset, 'torque offset', 'a drifting sensor; reset its zero'),
+            (
+                trend.friction,
+                'friction',
+                'gears that warm up; let the gears warm up before recording',
+            ),
+            (
+                trend.offset,
+                'torque offset',
+                'a drifting torque sensor; reset the zero of the sensor',
+            ),
         ):
             texts = [
                 f'{name} by {value:+.2g} Nm'

@@ -9,7 +9,7 @@ _CONTRADICTION = ('PrimalInfeasible', 'AlmostPrimalInfeasible')
 
 
 class SolverError(IdentificationError):
-    """Error for an optimization problem without a solution, or whose solution was not found.
+    """Error for an optimization problem for which no solution exists or was found.
 
     Parameters
     ----------

@@ -128,7 +128,7 @@ class IdentificationResult:
 
     @property
     def only_in_sums(self) -> tuple[str, ...]:
-        """Names of the parameters that the data determine only in sums with other parameters."""
+        """Names of parameters of which the data determine only sums with other parameters."""
         base = self.used_base
         mixed = base.combination != 0.0
         index = [*base.independent[mixed.any(axis=1)], *base.dependent[mixed.any(axis=0)]]
@@ -211,7 +211,7 @@ LIMITS: dict[str, Callable[[IdentificationResult], float]] = {
     'tilt': lambda result: float(np.degrees(result.gravity.tilt)) if result.gravity else 0.0,
     'warnings': lambda result: float(len(result.warnings)),
 }
-"""Functions that compute the quantities for which the user can set a limit, by name.
+"""Functions that compute a quantity of the result, by the name that a limit file uses.
 
 Largest torque errors of the validation bags [%], standard deviation of the predicted torque due to
 parameter uncertainty [Nm], condition number (5.2), consistency (0 or 1), tilt [deg], and number of
@@ -264,7 +264,7 @@ def judge(result: IdentificationResult, limits: dict[str, float]) -> Verdict:
 
 
 def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, EnergyBalance]:
-    """Return the energy balance of each bag by name, without samples at the ends of the bag.
+    """Return the energy balance of each bag by name; samples at the bag's ends are omitted.
 
     The torque is the filtered measured torque. Inertial and friction torques are those of the
     recommended estimate.
@@ -308,7 +308,7 @@ def is_calibrated(robot: Robot) -> bool:
 
 
 def torque_error_per_millimetre(robot: Robot, q: Array, dq: Array, ddq: Array) -> float:
-    """Return the relative torque error [%] caused by joints that are displaced by 1 mm.
+    """Return the relative torque error [%] that a displacement of the joints by 1 mm causes.
 
     Each joint except the first is displaced along each axis of its parent link. The errors are
     independent, so their squares add up. The inertial parameters stay unchanged, although an
@@ -345,8 +345,8 @@ def geometry_text(result: IdentificationResult) -> str:
     cost = torque_error_per_millimetre(identified, samples.q, samples.dq, samples.ddq)
     return (
         'The geometry of the URDF was not calibrated. An error of 1 mm per axis at each joint '
-        f'changes the torque of the links by {cost:.2g} %; the identification absorbs a part of '
-        'this change. Run the calibrator to measure the geometry.'
+        f'changes the torque of the links by {cost:.2g} %; the identified parameters compensate a '
+        'part of this change. Run the calibrator to measure the geometry.'
     )
 
 

@@ -1,4 +1,4 @@
-"""Offline identification as one function, from recordings to parameter estimates."""
+"""Function for the complete offline identification, from recordings to parameter estimates."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -89,7 +89,7 @@ _WEIGHT_ROUNDS = 2
 
 
 def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[SampleColumns]:
-    """Return copies of the bags with joint weights inversely proportional to the noise in the bag.
+    """Return copies of the bags, with joint weights inversely proportional to each bag's noise.
 
     The noise is the residual torque in held-out parts of the motion, relative to the noise of all
     bags together. A single bag therefore has weights of one.
@@ -153,8 +153,8 @@ def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]
     possible = _structural_rank(regressor)
     if base.rank < possible:
         warnings.append(
-            f'the motion identifies only {base.rank} of {possible} parameter combinations; the '
-            'others keep their CAD values: move every joint'
+            f'the motion identifies only {base.rank} of {possible} parameter combinations; all '
+            'other combinations keep their CAD values: move every joint'
         )
     if base.condition_number > _POOR_CONDITION:
         warnings.append(
@@ -178,7 +178,7 @@ _FRICTION = (TermKind.VISCOUS, TermKind.COULOMB)
 def without_insignificant_terms(
     fit: ModelFit, estimate: Estimate, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> tuple[ModelFit, list[str]]:
-    """Repeat the fit without joint terms whose coefficient is at its bound 0.
+    """Repeat the fit without the joint terms whose coefficient is at the lower bound 0.
 
     An example is rotor inertia when a torque sensor is mounted behind the gear, where the sensor
     does not measure it. With an insignificant column in the fit, solvers without bounds would
@@ -349,7 +349,7 @@ def identify(
 
 @dataclass(frozen=True, eq=False)
 class _PreparedBags:
-    """Filtered bags with estimated gravity and delays, and `level_bags` with the stated gravity."""
+    """Filtered bags with estimated gravity and delays; `level_bags` have the stated gravity."""
 
     robot: Robot
     choice: FilterChoice
@@ -392,7 +392,7 @@ def _splits(
     config: ArmConfig | None,
     recordings: Sequence[Recording],
 ) -> tuple[list[ResidualSplit], list[str]]:
-    """Split each recording's residual by causes; return warnings about omitted recordings."""
+    """Split the residual of each recording by causes; return warnings about omitted recordings."""
     choice, regressor = motion.choice, Regressor(motion.robot)
     known = config is not None and config.joint_names == motion.robot.joint_names
     ratios = 1.0 / config.column('gear.ratio') if config is not None and known else None
@@ -416,7 +416,7 @@ def _rollouts(
     estimates: Mapping[str, Estimate],
     recordings: Sequence[Recording],
 ) -> list[RolloutError]:
-    """Return, for each recording, the errors of simulations with the parameters of each solver."""
+    """Return simulation errors with the parameters of each solver, for each recording."""
     thetas = {name: estimate.theta for name, estimate in estimates.items()}
     errors = []
     for recording in recordings:
@@ -432,7 +432,7 @@ def _solved(
     options: IdentificationOptions,
     windows: RolloutWindows | None,
 ) -> tuple[ModelFit, dict[str, Estimate], list[str], list[str]]:
-    """Run the solvers, then again without insignificant terms; return the removed terms as well."""
+    """Run the solvers with and without insignificant terms; return results and removed terms."""
     left_out: list[str] = []
     warnings: list[str] = []
     how = (options.solvers, options.progress, options.bounds, windows)
@@ -451,7 +451,7 @@ def _solved(
 def _bases(
     fit: ModelFit, bags: Sequence[SampleColumns], level_bags: Sequence[SampleColumns]
 ) -> tuple[BaseParameters, BaseParameters]:
-    """Return the base parameters of the thesis's model, and of the fitted model.
+    """Return the base parameters of the thesis's torque model and of the fitted model.
 
     Both sets of base parameters are computed with the stated gravity. With a slight tilt of
     gravity more parameters are identifiable, but so weakly that every motion would seem to excite

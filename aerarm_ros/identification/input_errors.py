@@ -85,7 +85,7 @@ class _Fit:
 
 @dataclass(frozen=True)
 class InputError:
-    """Input error whose correction makes the model explain the data better.
+    """Suspected input error, whose correction makes the model explain the data better.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class InputError:
 def find_input_errors(
     robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> list[InputError]:
-    """Return the input error whose correction clearly improves the fit; an empty list if none does.
+    """Return the input error whose correction clearly improves the fit, in a list; else [].
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def _joint_columns(motion: _Motion, joint: int) -> Array:
 
 
 def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]:
-    """Return the factor from expected to measured torque, and the fraction that it explains."""
+    """Return the factor from expected to measured torque, and the explained fraction of torque."""
     others = _joint_columns(motion, joint)
     torques = np.column_stack([expected, motion.tau[:, joint]])
     left, measured = (torques - others @ np.linalg.lstsq(others, torques, rcond=None)[0]).T
@@ -188,7 +188,7 @@ def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]
 
 
 class _SimpleModel:
-    """Torque model of links near their nominal parameters, friction, rotors and offsets."""
+    """Simple torque model: links near nominal parameters, friction, rotors and offsets."""
 
     def __init__(self, robot: Robot, cad: ArmParameters) -> None:
         self.joints = robot.joint_names
@@ -211,11 +211,11 @@ class _SimpleModel:
         return [size * axis for axis in axes if axis @ stated < 0.9 * size]
 
     def links(self, motion: _Motion, rigid: Array, rows: Sequence[int]) -> Array:
-        """Return the links' parameters (10 n,), fitted to the torques of given joints."""
+        """Return the links' parameters (10 n,) from a fit to the torques of selected joints."""
         return self._solved(motion, rigid, rows)[0][: len(self._mean)]
 
     def fit(self, motion: _Motion, rigid: Array) -> _Fit:
-        """Return the cost and the relative torque residual of the fit."""
+        """Return the cost and the relative torque residual of a simple fit."""
         theta, misfit, left = self._solved(motion, rigid, range(motion.n))
         distance = ((theta[: len(self._mean)] - self._mean) / self._spread) ** 2
         return _Fit(
@@ -252,7 +252,7 @@ class _SimpleModel:
 
 
 def _floor(rigid: Array, motion: _Motion, joint: int) -> float:
-    """Return the norm of a joint's torque residual after a fit without bounds and prior [Nm]."""
+    """Return a joint's torque residual (norm [Nm]) after a fit without bounds and prior."""
     torque = motion.tau[:, joint]
     columns = np.column_stack([rigid, _joint_columns(motion, joint)])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
@@ -263,7 +263,7 @@ def _floor(rigid: Array, motion: _Motion, joint: int) -> float:
 
 
 def _not_negative(gram: Array, right: Array, spread: Array, links: int) -> Array:
-    """Return the solution with non-negative friction and rotor inertia; negative ones become 0."""
+    """Return the solution in which negative friction and rotor inertia are replaced by 0."""
     size = len(right)
     scale = np.sqrt(np.diag(gram) + 1.0 / spread**2)
     scale[scale <= 0.0] = 1.0
@@ -322,7 +322,8 @@ def _constant_text(name: str, factor: float) -> str:
 def _gravity_text(gravity: Array) -> str:
     along = ' '.join(f'{value:.3g}' for value in gravity + 0.0)
     return (
-        'gravity has another direction than stated: check how the base is mounted, or pass '
+        'the direction of gravity differs from the stated direction: check how the base is '
+        'mounted, or pass '
         f'--gravity {along}'
     )
 
@@ -405,8 +406,9 @@ def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
     )
     if far_off := _shares(joints, errors, errors > _FAR_OFF):
         warnings.append(
-            f'the model explains little of the torque of some joints (residual {far_off}): do '
-            'not rely on their friction and on parameters that only these joints identify'
+            f'the model explains little of the torque of some joints (residual {far_off}): do not '
+            'rely on the friction of these joints and on parameters that only these joints '
+            'identify'
         )
     if far_off := _shares(joints, predicted, (predicted > _FAR_OFF) & (errors <= _FAR_OFF)):
         warnings.append(
@@ -452,7 +454,7 @@ def _shares(joints: tuple[str, ...], errors: Array, reported: npt.NDArray[np.boo
 def _followed(
     recommended: Solution, bags: list[SampleColumns]
 ) -> dict[int, tuple[int | None, float]]:
-    """Return, for each joint, the joint whose motion best explains its residual, and its share."""
+    """Return for each joint which joint's motion best explains the residual, and the fraction."""
     n = bags[0].samples.n
     couplings = {(k, kind): JointTerm(kind, driver=k) for k in range(n) for kind in COUPLED}
     found: dict[int, tuple[int | None, float]] = {}
@@ -500,8 +502,8 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
         if at.any():
             links = [name for name, held in zip(fit.model.link_names, at, strict=True) if held]
             warnings.append(
-                f'mass of {", ".join(links)} is at its bound, {word} the mass in the URDF: check '
-                'the masses in the URDF and the unit of the effort'
+                f'the estimated mass of {", ".join(links)} is at its bound, {word} the mass in the '
+                'URDF: check the masses in the URDF and the unit of the effort'
             )
     start = 10 * fit.model.n
     loads = [term.kind is TermKind.LOAD for _, term in fit.model.joint_columns]
@@ -509,8 +511,9 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
     if too_much.any():
         at_bound = np.array(fit.model.columns[start:])[too_much]
         warnings.append(
-            f'{", ".join(at_bound)} reached the bound 1, as if the gear lost all transmitted '
-            'torque: look for another load-dependent torque at these joints'
+            f'the load-dependent friction {", ".join(at_bound)} is at its upper bound 1, at which '
+            'the gear loses all transmitted torque: look for another load-dependent torque at '
+            'these joints'
         )
     std = fit.prior.std if estimate.std is None else estimate.std
     clearly_negative = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
@@ -530,8 +533,8 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
             check = 'check the sign of the effort of these joints'
         elif kinds == {TermKind.ROTOR}:
             check = (
-                'this is normal for torque sensors behind the gears; otherwise the velocities may '
-                'be delayed, or the model of these joints is inexact'
+                'negative rotor inertia is normal for torque sensors behind the gears; otherwise '
+                'the velocities may be delayed, or the model of these joints is inexact'
             )
         else:
             check = (
@@ -540,13 +543,14 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
             )
         names = ', '.join(name for name, _ in held)
         warnings.append(
-            f'{names} omitted, because a fit without bounds gives a negative value: {check}'
+            f'the terms {names} are omitted, because their values are negative in a fit without '
+            f'bounds: {check}'
         )
     return warnings
 
 
 def _suspects(bags: list[SampleColumns], cad: ArmParameters, joints: tuple[str, ...]) -> list[str]:
-    """Return texts on joints whose measured and modelled torque differ in sign or magnitude."""
+    """Return texts about joints whose measured and modelled torque differ in sign or magnitude."""
     found = []
     for name, factor in torque_factors(bags, cad, joints).items():
         if factor < 0.0:

@@ -34,7 +34,7 @@ _COEFFICIENTS = {
     TermKind.OFFSET: ('Nm', 'offset'),
     TermKind.LOAD: ('-', 'friction per torque on the links'),
     TermKind.CREEP: ('Nm', 'saturating viscous friction'),
-    TermKind.STRIBECK: ('Nm', 'friction at low speed only (Stribeck)'),
+    TermKind.STRIBECK: ('Nm', 'additional friction at low speed (Stribeck)'),
     TermKind.FORWARD: ('Nm', 'Coulomb friction in positive direction only'),
     TermKind.BACKWARD: ('Nm', 'Coulomb friction in negative direction only'),
     TermKind.COUPLED_VISCOUS: ('Nms/rad', 'torque per velocity of'),
@@ -42,13 +42,12 @@ _COEFFICIENTS = {
 }
 
 COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
-"""Kinds of terms for torque caused by another joint's motion; their coefficients may be
-negative."""
+"""Kinds of terms for torque caused by another joint's motion; coefficients may be negative."""
 
 
 @dataclass(frozen=True)
 class JointTerm:
-    """Term of one joint's torque in addition to the links' torque, extending thesis (2.6).
+    """Term of one joint's torque, in addition to the torque of the links; extends thesis (2.6).
 
     Attributes
     ----------
@@ -77,7 +76,7 @@ class JointTerm:
 
     @property
     def symbol(self) -> str:
-        """Symbol at the start of the column's name, such as 'fs'."""
+        """Symbol with which the column's name begins, such as 'fs'."""
         return self.kind.value
 
     @property
@@ -131,7 +130,7 @@ class JointTerm:
             sign = np.tanh(dq / self.width) if self.width > 0.0 else np.sign(dq)
         if self.kind is TermKind.LOAD:
             if load is None:
-                raise ValueError('load-dependent friction needs the load')
+                raise ValueError('load-dependent friction needs the argument `load`')
             return np.asarray(load * sign)
         if self.kind is TermKind.FORWARD:
             return np.asarray(np.maximum(sign, 0.0))
@@ -168,7 +167,7 @@ def friction_state(dq: Array, travel: Array, distance: float) -> Array:
 
 
 def _joint_state(dq: Array, travel: Array, distance: float) -> Array:
-    """Return the friction state (M,) of one joint, see `friction_state`."""
+    """Return the friction state (M,) of one joint, as defined at `friction_state`."""
     if not len(dq):
         return dq
     direction = np.sign(dq)
@@ -195,7 +194,7 @@ THESIS_TERMS = (JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB))
 """Friction terms of thesis (2.6)."""
 
 ROTOR = JointTerm(TermKind.ROTOR)
-"""Rotor inertia term, which the thesis omits and geared joints need."""
+"""Rotor inertia term; the thesis omits this term, but geared joints need it."""
 
 
 # Order of the blocks of columns, thesis (3.5) first.
@@ -232,7 +231,7 @@ class JointModel:
 
     @property
     def joint_columns(self) -> tuple[tuple[int, JointTerm], ...]:
-        """Joint index and term of each column after the 10 n columns of the links, thesis (3.5)."""
+        """Joint index and term of each column that follows the 10 n link columns, thesis (3.5)."""
         return tuple(
             (joint, term)
             for kind in _ORDER

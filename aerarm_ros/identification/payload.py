@@ -72,12 +72,12 @@ class Payload:
 
     @property
     def centre_std(self) -> Array:
-        """Standard deviations (3,) of the centre of mass [m], by linear approximation."""
+        """Standard deviations (3,) of the centre of mass [m], to first order."""
         slope = np.hstack([-self.centre[:, None], np.eye(3)]) / self.mass
         return np.asarray(np.sqrt(np.diag(slope @ self.covariance[:4, :4] @ slope.T)))
 
     def with_scale_deviation(self, share: float) -> 'Payload':
-        """Return the payload with additional uncertainty, from a common scale error of all torques.
+        """Return the payload with additional uncertainty due to a scale error of all torques.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ _SIGNIFICANT = 3.0  # standard deviations by which the payload's mass must excee
 
 @dataclass(frozen=True, eq=False)
 class _Arm:
-    """Model of the arm without payload; its covariance is None if unknown."""
+    """Model of the arm without payload; `covariance` is None if unknown."""
 
     robot: Robot
     model: JointModel
@@ -187,7 +187,7 @@ def weigh_payload(
 def _known(
     robot: Robot, estimate: Estimate, recordings: Sequence[Recording], options: ConditioningOptions
 ) -> tuple[_Arm, Sequence[SampleColumns], Sequence[Noise | None]]:
-    """Return an arm model that is assumed exact, the filtered bags, and the noise of each fit."""
+    """Return the arm model (assumed exact), the filtered bags, and the noise for each fit."""
     conditioner = Conditioner(recordings, options)
     bags = choose_filter(Regressor(robot), conditioner, recordings).bags
     tau = np.concatenate([bag.samples.tau for bag in bags])
@@ -199,7 +199,7 @@ def _known(
 def _weigh(
     arm: _Arm, bags: Sequence[SampleColumns], noises: Sequence[Noise | None], gain_deviation: float
 ) -> Payload:
-    """Return the payload; for `noises` see `_fitted`."""
+    """Return the payload with uncertainty; `noises` contains the torque noise for each fit."""
     carried, residual, prior = _fitted(arm, bags, noises)
     payload = Payload(arm.robot.link_names[-1], carried, _covariance(arm, residual, prior))
     if payload.mass < _SIGNIFICANT * payload.std[0]:
@@ -217,7 +217,7 @@ def _weigh(
 def _fitted(
     arm: _Arm, bags: Sequence[SampleColumns], noises: Sequence[Noise | None]
 ) -> tuple[Array, _Residual, Prior]:
-    """Fit the payload once with each noise; None selects the residual noise of the previous fit."""
+    """Fit the payload once per noise; None selects the noise of the previous fit's residuals."""
     carried = np.zeros(10)
     for noise in noises:
         residual = _residual(arm, bags, carried, noise or _noise(arm, bags, carried))
@@ -231,7 +231,7 @@ def _last_link(model: JointModel) -> slice:
 
 
 def _noise(arm: _Arm, bags: Sequence[SampleColumns], carried: Array) -> Noise:
-    """Return the torque noise of the arm with payload, from residuals."""
+    """Return the torque noise, from the residuals of the model of the arm with payload."""
     theta = np.array(arm.theta)
     theta[_last_link(arm.model)] += carried
     residuals = [bag.samples.tau - bag.predict(arm.model, theta).filtered for bag in bags]
@@ -265,13 +265,13 @@ def _residual(arm: _Arm, bags: Sequence[SampleColumns], carried: Array, noise: N
 
 
 def _unconstrained(system: TriangularSystem) -> Array:
-    """Return the payload (10,) that least squares yields without physical limits."""
+    """Return the payload (10,) from a least-squares fit without physical limits."""
     scale = np.array([1.0, *[_SIZE] * 3, *[_SIZE**2] * 6])
     return solve_regularised(system, Prior(np.zeros(10), _WIDE * scale))
 
 
 def _about(rough: Array) -> tuple[Prior, PhysicalLimits]:
-    """Return the physical limits, and a wide prior about a ball with the mass in `rough`."""
+    """Return the physical limits, and a wide prior: a ball with the mass of the payload `rough`."""
     mass = float(rough[0])
     if mass <= 0.0:
         raise IdentificationError(_nothing(mass, None))
@@ -328,7 +328,7 @@ def calibrate_gains(
     mass: float,
     deviation: float,
 ) -> GainCalibration:
-    """Estimate torque constants from motion with a known mass; its centre may be unknown.
+    """Estimate torque constants from motion with a known mass, whose centre may be unknown.
 
     The arm was identified with the same constants, so the residual torque of joint j equals the
     payload's torque times an unknown factor c_j: `tau_j - Phi_j theta = c_j Y_j pi`, where the

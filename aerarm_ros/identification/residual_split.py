@@ -38,8 +38,8 @@ REMEDIES: Mapping[str, str] = {
     TORQUE_NOISE: 'record more periods or longer, or choose a lower cut-off',
     MOTION_NOISE: 'choose a lower cut-off, accelerate less, or use finer encoders',
     RIPPLE: (
-        'compensate the periodic torque of the gears, or move faster, so that the low-pass filter '
-        'removes it'
+        'compensate the periodic torque of the gears, or move faster, so that the low-pass '
+        'filter removes this torque'
     ),
     FLEXIBILITY: 'accelerate less, or measure the angles on the output side of the gears',
     DELAY: (
@@ -48,10 +48,10 @@ REMEDIES: Mapping[str, str] = {
     ),
     REVERSAL: 'reverse less often, or pass through zero velocity faster',
 }
-"""Remedy for each cause of the residual."""
+"""Advice that reduces each cause of the torque residual."""
 
 UNEXPLAINED = 'calibrate the geometry, check tool and cables, or record a more varied motion'
-"""Remedy for a residual without known cause."""
+"""Advice that reduces a torque residual without known cause."""
 
 _RANDOM = (TORQUE_NOISE, MOTION_NOISE)
 _LARGEST_RATIO, _RATIO_STEP = 200.0, 0.25  # largest value and step of the searched gear ratios
@@ -175,7 +175,7 @@ def _noise_torques(
     recording: Recording,
     bag: SampleColumns,
 ) -> dict[str, Array]:
-    """Return the filtered torque (M, n) [Nm] that is caused by noise of the measured level."""
+    """Return the filtered torque (M, n) [Nm] that noise of the measured level causes."""
     random = np.random.default_rng(0)
 
     def noisy(values: Array) -> Array:
@@ -294,7 +294,7 @@ def _ripple(
 def _bent(
     regressor: Regressor, inertial: Array, bag: SampleColumns, derive: Callable[[Array, int], Array]
 ) -> Array:
-    """Return the torque (n, M, n + 1) per compliance of each gear, and of the joint's own rotor.
+    """Return the torque (n, M, n + 1) per compliance of each gear and of the joint's own rotor.
 
     A gear of compliance c places the link at q - c tau if the encoder is on the motor (one column
     per gear, by a finite difference of the rigid model). If the encoder is on the link, the rotor
@@ -317,7 +317,7 @@ def _bent(
 
 
 def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
-    """Return the friction that is missing after a reversal, one column per build-up distance."""
+    """Return the missing friction torque after reversals, one column per build-up distance."""
     direction = np.where(samples.dq_fine[:, joint] < 0.0, -1.0, 1.0)
     turned = np.flatnonzero(np.diff(direction)) + 1
     last = np.zeros(len(angle), dtype=np.intp)
@@ -333,7 +333,7 @@ def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
 def _explained(
     residual: Array, patterns: Mapping[str, Array], fold: npt.NDArray[np.intp]
 ) -> dict[str, float]:
-    """Return the explained fraction of each cause, by forward selection, the largest first."""
+    """Return the fraction that each cause explains, by forward selection, the largest first."""
     gains = dict.fromkeys(patterns, 0.0)
     chosen: list[str] = []
     known = 0.0
@@ -352,7 +352,7 @@ def _explained(
 
 
 def _held_out_gain(residual: Array, groups: list[Array], fold: npt.NDArray[np.intp]) -> float:
-    """Return the fraction of the residual's mean square that patterns explain in held-out data."""
+    """Return the fraction of the mean square residual that patterns explain in held-out data."""
     columns = np.hstack(groups)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     products = [columns[fold == k].T @ columns[fold == k] for k in range(FOLDS)]

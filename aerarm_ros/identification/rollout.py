@@ -117,7 +117,7 @@ class JointTorques:
         ]
 
     def columns(self, dq: Array, ddq: Array, load: Array) -> Array:
-        """Return the torque of each term for a coefficient of 1, (W, n, k) [Nm].
+        """Return the torque (W, n, k) of each term for a coefficient of 1 [Nm].
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class JointTorques:
         return columns
 
     def without_inertia(self, columns: Array) -> Array:
-        """Return columns with zeros for acceleration terms, which are part of the mass matrix."""
+        """Return columns with zeros for acceleration terms; these are part of the mass matrix."""
         kept = [float(term.kind not in _INERTIA) for _, _, term in self._terms]
         return np.asarray(columns * np.array(kept))
 
@@ -157,7 +157,7 @@ class JointTorques:
 
 
 def simulated_model(model: JointModel) -> JointModel:
-    """Return the model as simulated: friction of steady motion with smoothed steps.
+    """Return the model for simulation: friction of steady motion, with smoothed steps.
 
     Only terms that build up after a reversal change, because the simulation has no such state.
     """
@@ -169,7 +169,7 @@ def simulated_model(model: JointModel) -> JointModel:
 
 
 def _spread(term: JointTerm) -> JointTerm:
-    """Return a copy of the term, in which the sign of dry friction changes smoothly."""
+    """Return a copy of a friction term in which dry friction changes its sign smoothly."""
     dry = (TermKind.COULOMB, TermKind.LOAD, TermKind.CREEP, TermKind.FORWARD, TermKind.BACKWARD)
     return replace(term, width=max(term.width, _WIDTH)) if term.kind in dry else term
 
@@ -261,7 +261,7 @@ def _derivatives(model: Any, data: Any, q: Array, dq: Array, ddq: Array) -> tupl
 
 
 def _solved(system: Array, right: Array) -> Array:
-    """Return solutions of linear systems; infinite for a singular matrix."""
+    """Return solutions of linear systems; the solution is infinite for a singular matrix."""
     try:
         return np.asarray(np.linalg.solve(system, right))
     except np.linalg.LinAlgError:

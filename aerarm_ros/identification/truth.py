@@ -45,7 +45,7 @@ class Truth:
         return self.parameters.get(column)
 
     def vector(self, model: JointModel) -> Array:
-        """Return the true theta in the order of `model.columns`; unknown terms are 0."""
+        """Return the true parameter vector in the order of `model.columns`; 0 for unknown terms."""
         theta = np.array([self.parameters.get(name, 0.0) for name in model.columns])
         for index, (joint, term) in enumerate(model.joint_columns, start=10 * model.n):
             if term.kind is TermKind.LOAD:
@@ -64,7 +64,7 @@ class Truth:
         return self._where_named(base.values(self.vector(fit.model)), fit, base)
 
     def measured_base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
-        """Return the (r,) base parameters that noise-free measured torque would yield.
+        """Return the (r,) base parameters that a fit to noise-free measured torque would yield.
 
         The ratio of measured to true torque differs between joints, and a base parameter may
         affect several joints. The torque error of each joint is therefore projected onto the
@@ -156,7 +156,7 @@ def _truth(document: Any, model: JointModel) -> Truth:
 def inertial_torque_errors(
     truth: Truth, estimates: Sequence[Estimate], bags: Sequence[SampleColumns]
 ) -> list[InertialTorqueError]:
-    """Return the errors of estimated link and rotor torque along the motion of each bag."""
+    """Return the error of the estimated link and rotor torque along the motion of each bag."""
     results = []
     for bag in bags:
         for estimate in estimates:

@@ -1,4 +1,4 @@
-"""Contact detection from joint torques, with confidence and distinction from a payload."""
+"""Contact detection from joint torques, with confidence and distinction from payloads."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
@@ -62,7 +62,7 @@ class ContactSettings:
 
 
 class ContactReport(NamedTuple):
-    """Result of contact detection after a joint state.
+    """Result of contact detection, updated with every joint state.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class ContactEvent:
 
 
 class _Felt(NamedTuple):
-    """Joint state with external torque; ratios are torque divided by threshold."""
+    """Joint state with its external torque; `ratio` is torque divided by threshold."""
 
     state: ArmState
     now: float
@@ -159,7 +159,7 @@ _UNKNOWN = 1.0  # [s] without states, in which the load may have changed
 
 
 class ContactDetector:
-    """Detects contacts in the external joint torque; distinguishes payloads and model errors.
+    """Detector of contacts in external joint torque, which recognizes payloads and model errors.
 
     In motion, a joint's external torque counts if it exceeds the bound learnt from free motion. If
     all joints rest, static friction can hide a force, but the drives' torque is constant. A change
@@ -211,13 +211,13 @@ class ContactDetector:
 
     @property
     def event(self) -> ContactEvent | None:
-        """Event that lasts at present, None without one."""
+        """Present event that has not ended yet; None without an event."""
         last = self.events[-1] if self.events else None
         return last if last is not None and np.isnan(last.end) else None
 
     @property
     def problem(self) -> str:
-        """Reason why contacts cannot be detected at present; empty if they can."""
+        """Reason why contacts cannot be detected at present; empty if detection is possible."""
         event = self.event
         if self._unexplained > _GIVE_UP:
             event = self.events[-1]
@@ -226,16 +226,17 @@ class ContactDetector:
         if event is not None:
             return (
                 f'the model leaves {np.abs(event.torque).max():.3g} Nm of '
-                f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained, neither '
-                'by a contact nor by a payload: check that the model belongs to this arm, or '
+                f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained, which is '
+                'neither a contact nor a payload: check that the model belongs to this arm, or '
                 'declare the payload'
             )
         watched = self._encoders.problem or self._saturated or self._efforts.problem
         if watched or self._blind < _BLIND:
             return watched
         return (
-            f'too many states are lost, so contact has not been detected for {self._blind:.1f} s: '
-            'check the CPU load and the sender of joint_states'
+            'too many joint states are lost, so contacts have not been detectable for '
+            f'{self._blind:.1f} s: '
+            'check the CPU load and the publisher of joint_states'
         )
 
     @property
@@ -255,7 +256,7 @@ class ContactDetector:
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> ContactReport | None:
-        """Process a joint state at `now` [s]; return the report of the last window of states.
+        """Process a joint state at `now` [s]; return the report on the last complete window.
 
         Returns None until the first window is complete, also after a gap. Re-sent, late and invalid
         states are ignored. If states were lost in at most 1 s, detection continues with the next
@@ -301,7 +302,7 @@ class ContactDetector:
         return self._report
 
     def _is_saturated(self, state: ArmState) -> bool:
-        """Return whether a joint's torque is at its limit, at which contacts are not detected."""
+        """Return whether a joint's torque is at its limit, where contacts are undetectable."""
         self._saturated = ''
         saturated = np.abs(state.tau) >= self._largest
         if saturated.any():
@@ -309,7 +310,7 @@ class ContactDetector:
             name = self._external.dynamics.robot.joint_names[joint]
             self._saturated = (
                 f'effort of {name} is at its limit of {self._largest[joint] / _SATURATED:.3g} Nm, '
-                'at which contact is not detected: slow the motion or check the load'
+                'where contacts are undetectable: slow the motion or check the load'
             )
         return bool(self._saturated)
 
@@ -392,7 +393,7 @@ class ContactDetector:
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
 
     def _start(self, felt: '_Felt', size: Array, value: Array, limit: Array) -> ContactEvent:
-        """Start an event with torque `value`, its `limit`, and `size`, their ratio."""
+        """Start an event with torque `value`, threshold `limit`, and their ratio `size`."""
         joint, q = int(np.argmax(size)), felt.state.q.copy()
         ratio = float(np.linalg.norm(size))
         event = ContactEvent(felt.now, joint, value.copy(), limit.copy(), q, ratio)
@@ -441,24 +442,24 @@ class ContactDetector:
             self._end(event, felt.now)
 
     def _pushed(self) -> Array:
-        """Return flags of the joints on which a push at rest mainly acts."""
+        """Return a mask (n,) of the joints on which a push at rest mainly acts."""
         share = self._peak / self._rest.limit
         return np.asarray(share > 0.5 * share.max())
 
     def _is_released(self, change: Array) -> bool:
-        """Return whether most of the external torque of a push at rest has disappeared."""
+        """Return whether most of the external torque caused by a push at rest is gone."""
         falls = np.abs(change) < np.maximum(self._rest.limit, _RELEASED * self._peak)
         return bool(falls[self._pushed()].all())
 
     def _is_held(self, change: Array) -> bool:
-        """Return whether a push at rest continues, for example against a clamped person.
+        """Return whether a push at rest continues, for example because a person is clamped.
 
         After the end of a push, friction holds a part of its torque, but hardly all of it.
         """
         return bool((np.abs(change) > _HELD * self._peak)[self._pushed()].any())
 
     def _weigh(self) -> None:
-        """Update the mass in the last event that a payload caused."""
+        """Update the payload mass in the last event that a payload caused."""
         for event in reversed(self.events):
             if event.cause is Cause.PAYLOAD:
                 event.mass, event.mass_std = self._load.mass, self._load.mass_std
@@ -471,7 +472,7 @@ class ContactDetector:
 
 
 class _Rest:
-    """Monitors the change of the external torque while all joints rest.
+    """Monitor of changes of the external torque while all joints rest.
 
     The reference is the external torque when the arm came to rest, and follows slow drift. Friction
     relaxes after a motion, so the limit of the change is larger at first.
@@ -483,7 +484,7 @@ class _Rest:
         self.reset(np.inf)
 
     def reset(self, since: float) -> None:
-        """Restart the comparison of torques at rest, `since` [s] after the arm came to rest."""
+        """Restart the comparison of torques at rest; the arm stopped `since` [s] ago."""
         self.held: Array | None = None
         self._reference: Array | None = None
         self._since = since
@@ -494,7 +495,7 @@ class _Rest:
         self.limit = np.full(self._n, np.inf)
 
     def hold(self) -> None:
-        """Store the present reference torque, because a contact has begun at rest."""
+        """Store the present reference torque when a contact begins at rest."""
         self.held = self._reference
 
     def update(
@@ -506,7 +507,7 @@ class _Rest:
         bound: ResidualBound,
         in_event: bool,
     ) -> tuple[Array, Array]:
-        """Return the torque change at rest (n,) [Nm] and its ratio to the limit; else zeros."""
+        """Return the torque change at rest (n,) [Nm] and its ratio to the limit, or zeros."""
         settings, nothing = self._settings, np.zeros(self._n)
         # Without dry friction, the model's error at rest appears as it does in motion.
         least = np.maximum(settings.rest_share * row.dry, bound.constant - row.dry)
@@ -550,7 +551,7 @@ def with_rest_share(
     motion: Callable[[], Iterable[tuple[float, ArmState]]],
     settings: ContactSettings | None = None,
 ) -> ResidualBound:
-    """Return the bound with a limit at rest that no start of a contact-free motion exceeds.
+    """Return the bound with a limit at rest that no torque at the start of free motion exceeds.
 
     A drive builds up torque before a joint breaks loose. The part of this torque that appears
     before the velocity depends on the arm, so it is learnt from free motion too.
@@ -575,7 +576,7 @@ def with_rest_share(
 
 
 def _begins_at_rest(detector: ContactDetector, motion: Iterable[tuple[float, ArmState]]) -> bool:
-    """Return whether the detector finds an event at rest in a motion."""
+    """Return whether the detector reports an event at rest in a recorded motion."""
     for time, state in motion:
         detector.update(state, time)
         event = detector.event

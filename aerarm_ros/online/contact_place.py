@@ -1,4 +1,4 @@
-"""Location and force of a contact, computed from external joint torques."""
+"""Estimation of location and force of a contact from external joint torques."""
 
 from typing import NamedTuple
 
@@ -41,7 +41,7 @@ class ContactPlace(NamedTuple):
 
 
 class ContactLocator:
-    """Locates a contact on the arm; not thread-safe, so use an instance per thread.
+    """Estimator of a contact's place and force; not thread-safe: use one instance per thread.
 
     A contact causes no torque in joints beyond the touched link. So the last joint with external
     torque belongs to that link (Haddadin, De Luca, Albu-Schaeffer: Robot collisions: a survey,
@@ -91,7 +91,7 @@ class ContactLocator:
 def _explained(
     at_joint: Array, offset: Array, weight: Array, torque: Array
 ) -> tuple[float, Array, float]:
-    """Return the error, force (3,) and condition number of a contact at a point of a link."""
+    """Return torque error, force (3,) and condition number for a contact at a point of a link."""
     jacobian = at_joint[:3] - pin.skew(offset) @ at_joint[3:]
     rows = weight[:, np.newaxis] * jacobian.T
     force, _, _, sizes = np.linalg.lstsq(rows, weight * torque, rcond=0.02)

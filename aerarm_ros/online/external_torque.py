@@ -1,4 +1,4 @@
-"""External joint torque from a momentum observer, and the bound of its model error."""
+"""External joint torque from a momentum observer, and an upper bound of the model errors in it."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ FEATURES = (
     'constant', 'dry friction', 'dry friction at low speed', 'speed', 'gravity', 'acceleration',
     'jerk',
 )  # fmt: skip
-"""Quantities from which `ResidualBound` computes its bound, in the order of its `shares`."""
+"""Quantities from which `ResidualBound` computes the bound, in the order of `shares`."""
 
 LONGEST_GAP = 0.1
-"""[s] Longest gap between joint states after which posture and friction count as unchanged."""
+"""Longest gap between joint states [s] after which posture and friction count as unchanged."""
 
 WINDOW = 5e-3
-"""[s] Length of the windows over which joint states are averaged."""
+"""Length of the windows over which joint states are averaged [s]."""
 
 _CREEPING = 0.012  # [rad/s] below which dry friction may have another direction or be static
 _SLOW = 0.05  # [rad/s] below which the model of dry friction may be inaccurate
@@ -38,7 +38,7 @@ _LOST = 2.5  # cycles without a state, in which states were lost
 
 
 class EncoderWatch:
-    """Detects joints whose position stays constant although their velocity is not zero.
+    """Detector of joints whose position stays constant although the velocity is not zero.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ class EncoderWatch:
         if len(frozen):
             names = ', '.join(self._names[index] for index in frozen)
             self.problem = (
-                f'position of {names} stays at {state.q[frozen[0]]:.4g} rad while its velocity '
-                f'is {state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
+                f'position of {names} stays at {state.q[frozen[0]]:.4g} rad while the velocity is '
+                f'{state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
             )
 
 
@@ -91,7 +91,7 @@ class MeanState(NamedTuple):
 
 
 class StateWindow:
-    """Averages joint states over windows of 5 ms.
+    """Averaging of joint states over windows of 5 ms.
 
     The velocity of one state has the noise of the encoder's resolution. The mean velocity of a
     window is its travelled distance, in which this noise cancels. The change of mean momentum from
@@ -105,7 +105,7 @@ class StateWindow:
         self.reset()
 
     def reset(self) -> None:
-        """Discard the states of the present window, after a gap in the states."""
+        """Discard the states of the present window, as after a gap in the states."""
         self._states.clear()
         self._lasted = 0.0
         self._former: Array | None = None
@@ -136,7 +136,7 @@ class StateWindow:
 
 
 class Unexplained(NamedTuple):
-    """Joint torque that the model does not explain, at a joint state.
+    """Joint torque that the model does not explain, at the time of a joint state.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ _JERK = np.exp(-1.0)  # largest response of two equal low-pass filters to an imp
 
 
 class ExternalTorque:
-    """Momentum observer of external joint torque, with the quantities that determine its error.
+    """Momentum observer of external joint torque, with features for the bound of its error.
 
     A second low-pass filter removes the encoder noise that the observer differentiates. Both are
     1.7 times faster than `gain`, so that a step rises to 90 % in the time of one filter.
@@ -196,7 +196,7 @@ class ExternalTorque:
         self.reset()
 
     def reset(self) -> None:
-        """Reset the observer and the quantities that determine its error."""
+        """Reset the observer and the features for the bound of its error."""
         self._observer.reset()
         self._momentum: Array | None = None
         self._residual = self._lagging = self._change = self._torque = np.zeros(self.n)
@@ -209,7 +209,7 @@ class ExternalTorque:
             self.rebase(*self._last)
 
     def rebase(self, q: Array, dq: Array, base: BaseMotion | None) -> None:
-        """Continue with the same residual after lost states or a new payload."""
+        """Keep the residual unchanged across lost states or the declaration of a payload."""
         if self._momentum is None:
             return
         self._observer.rebase(q, dq, base)
@@ -219,7 +219,7 @@ class ExternalTorque:
         self._lagging = self._lagging + gained
 
     def update(self, window: MeanState, base: BaseMotion | None = None) -> Unexplained:
-        """Process a window of joint states; return the unexplained torque at its end."""
+        """Process a window of joint states; return the unexplained torque at the window's end."""
         state, dt, count = window
         q, dq, tau = state
         self._last = q, dq, base
@@ -269,8 +269,8 @@ class ExternalTorque:
         """
         if recording.dq is None:
             raise IdentificationError(
-                f'{recording.name} has no velocities, which the observer needs: record them with '
-                'the positions'
+                f'{recording.name} has no velocities, which the observer needs: record velocities '
+                'with the positions'
             )
         self.reset()
         window, last = StateWindow(), float(recording.time[0])
@@ -366,7 +366,7 @@ class ResidualBound:
 
     @property
     def constant(self) -> Array:
-        """Part (n,) [Nm] of the bound that does not depend on the motion."""
+        """Constant part (n,) [Nm] of the bound, which does not depend on the motion."""
         return self.margin * self.shares[:, 0]
 
     def threshold(self, unexplained: Unexplained) -> Array:
@@ -378,7 +378,7 @@ class ResidualBound:
         return np.asarray(self.margin * (bound - dry) + dry + spread)
 
     def to_dict(self, joint_names: tuple[str, ...]) -> dict[str, Any]:
-        """Return the values of the bound for a YAML file."""
+        """Return the bound as a dictionary for a YAML file."""
         return {
             'joint_names': list(joint_names),
             'features': list(FEATURES),
@@ -394,13 +394,13 @@ class ResidualBound:
     def from_dict(
         cls, values: Mapping[str, Any], joint_names: tuple[str, ...], name: str
     ) -> 'ResidualBound':
-        """Create a bound from the values of `to_dict`; raise ValueError if they are invalid."""
+        """Create a bound from a dictionary by `to_dict`; raise ValueError if it is invalid."""
         advice = 'learn the bound again with contact_estimator --free'
         if values.get('features') != list(FEATURES):
-            raise ValueError(f'{name} is not a bound of residuals: {advice}')
+            raise ValueError(f'{name} contains no thresholds of contact detection: {advice}')
         if values.get('joint_names') != list(joint_names):
             raise ValueError(
-                f'{name} belongs to joints {values.get("joint_names")}, not to '
+                f'{name} contains thresholds for the joints {values.get("joint_names")}, not for '
                 f'{", ".join(joint_names)}: {advice} for this arm'
             )
         n = len(joint_names)
@@ -422,7 +422,7 @@ class ResidualBound:
 def free_rows(
     external: ExternalTorque, recording: Recording, is_stopped: Callable[[], bool]
 ) -> Iterator[Unexplained]:
-    """Yield the unexplained torque of a contact-free motion after the observer has settled."""
+    """Yield the unexplained torque of a contact-free motion, once the observer has settled."""
     begin = float(recording.time[0]) + _SETTLED / external.gain
     for time, _, row in external.over(recording, is_stopped):
         if time > begin:
@@ -430,7 +430,7 @@ def free_rows(
 
 
 def _noise(residual: Array, speed: Array) -> Array:
-    """Return the RMS (n,) [Nm] of the residual's fast changes, preferably those at rest."""
+    """Return the RMS (n,) [Nm] of the residual's fast changes, preferably while joints rest."""
     steps = np.diff(residual, axis=0)
     rests = speed[1:] < _RESTING
     if rests.sum() >= _FEWEST // 4:
@@ -439,7 +439,7 @@ def _noise(residual: Array, speed: Array) -> Array:
 
 
 def _tightest(size: Array, features: Array) -> Array:
-    """Return the coefficients of the bound with the smallest mean that contains all residuals."""
+    """Return the coefficients of the bound that has the smallest mean and exceeds all residuals."""
     scale = np.maximum(features.max(axis=0), 1e-9)
     least = np.zeros(len(FEATURES))
     least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)
@@ -458,7 +458,7 @@ def _tightest(size: Array, features: Array) -> Array:
     )
     if solution.x is None:
         raise IdentificationError(
-            'no thresholds can be learnt from the free motion, because its effort or '
-            'velocity is unusable: record it again'
+            'no thresholds can be learnt from the free motion, because its effort or velocity is '
+            'unusable: record the motion again'
         )
     return np.asarray(solution.x / scale)

@@ -1,4 +1,4 @@
-"""Equation of motion after a low-pass filter, as rows linear in payload and friction."""
+"""Low-pass filtered equation of motion, as rows that are linear in payload and friction."""
 
 from typing import NamedTuple
 
@@ -12,9 +12,9 @@ from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState, Array
 
 WINDOW = 5e-3
-"""[s] Interval between momentum samples; the drive torque is averaged over this interval."""
+"""Interval between momentum samples [s]; the drive torque is averaged over this interval."""
 SLOW = 0.03
-"""[rad/s] Speed of a joint below which the direction of its dry friction is unknown."""
+"""Speed of a joint [rad/s] below which the direction of its dry friction is unknown."""
 _SETTLED = 6.6  # time constants after which a step response has reached 99 %
 _TORQUE, _DOUBT, _MODELLED = -3, -2, -1  # columns
 _NO_SPIN = np.zeros(3)
@@ -22,7 +22,7 @@ _WIDTH = 0.01  # [rad/s] width of dry friction's change of direction
 
 
 class MotionRow(NamedTuple):
-    """Rows of the filtered equation of motion at one time, one per joint.
+    """Filtered equation of motion at one time, with one row per joint.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class MotionRow(NamedTuple):
 
 
 class FilteredMotion:
-    """Filters both sides of the equation of motion by two equal first-order low-passes.
+    """Filter of both sides of the equation of motion, with two equal first-order low-passes.
 
     The momentum form of `MomentumRegressor` needs no second derivative of a measurement. The
     change of momentum over a window is the mean force in it, as the drives' torque is a mean. The
@@ -100,7 +100,7 @@ class FilteredMotion:
 
     @property
     def is_settled(self) -> bool:
-        """Whether the effect of the start has decayed to 1 % since the last `reset`."""
+        """Whether the filter's transient after the last `reset` has decayed to 1 %."""
         return self._age * self._bandwidth > _SETTLED
 
     def update(self, state: ArmState, dt: float, base: BaseMotion) -> bool:
@@ -116,9 +116,9 @@ class FilteredMotion:
         return True
 
     def row(self) -> MotionRow:
-        """Return the newest row; requires two complete windows."""
+        """Return the latest rows of the equation; requires two complete windows."""
         if self._filtered is None:
-            raise RuntimeError('no window has ended yet')
+            raise RuntimeError('the filter has no result before two complete windows')
         values = self._filtered
         return MotionRow(values[:, :-3].copy(), *values[:, -3:].T.copy())
 
@@ -151,7 +151,7 @@ class FilteredMotion:
         self._elapsed = 0.0
 
     def _of_turning(self, q: Array, dq: Array, base: BaseMotion) -> Array | float:
-        """Return the mean joint torques (n,) in the window that rotate the arm with its base.
+        """Return the mean joint torques (n,) in the window for the base's angular acceleration.
 
         The base's angular acceleration is the change of its rate. An instantaneous derivative
         would contain noise of much higher frequencies.
@@ -166,7 +166,7 @@ class FilteredMotion:
         return np.asarray(moved - unmoved)
 
     def _evaluate(self, q: Array, dq: Array, tau: Array, base: BaseMotion) -> Array:
-        """Return all columns of the row at an instant, except those of the payload."""
+        """Return all columns at an instant, except the columns of the payload."""
         instant, joints, n = self._instant, self._joints, self.n
         coriolis = self._dynamics.fixed.coriolis_matrix(q, dq)
         turning = base._replace(angular_acceleration=_NO_SPIN)

@@ -22,7 +22,7 @@ _CREEPING = 0.02  # [rad/s] at which the slowly rising part of friction counts a
 
 
 class JointFriction(FrictionCompensation):
-    """Friction of the joints with all identified terms, as a function of the measured velocity.
+    """Joint friction with all identified terms, as a function of the measured velocity.
 
     It adds the terms that `FrictionCompensation` leaves out: saturating viscous friction,
     Stribeck friction, offsets, one-sided and coupled friction.
@@ -51,7 +51,7 @@ class JointFriction(FrictionCompensation):
                 self._dry[joint] += abs(value * float(known.basis(_at_creep, _at_creep, None)))
 
     def torque(self, dq: Array, load: Array | None = None, measured: Array | None = None) -> Array:
-        """Return the friction torque (n,) [Nm] at a velocity and a load torque on the links.
+        """Return the friction torque (n,) [Nm] for given velocities and load torques on the links.
 
         Stribeck friction falls with speed, so that a joint that slips is faster than its reference
         and needs less. With the measured velocity it is compensated in the direction of the
@@ -70,11 +70,11 @@ class JointFriction(FrictionCompensation):
         return torque
 
     def dry(self, load: Array) -> Array:
-        """Return the largest dry friction (n,) [Nm] of the joints at rest, for a load torque."""
+        """Return the largest dry friction (n,) [Nm] of joints at rest, for given load torques."""
         return np.asarray(self._dry + self._share * np.abs(load))
 
     def deficit(self, dq: Array) -> Array:
-        """Return the fraction (n,) of dry friction that the smoothed model omits at low speed."""
+        """Return the fraction (n,) of dry friction that the smoothed model lacks at low speed."""
         return 1.0 - np.tanh(np.abs(dq) / self._width)
 
 
@@ -89,7 +89,7 @@ _CLEAR = 3.0  # standard deviations
 
 
 class FrictionRecord(NamedTuple):
-    """Record of the joint friction that was identified at a time.
+    """Record of the joint friction that was identified at one time.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class FrictionChange:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the change exceeds three standard deviations."""
+        """Whether the change of the coefficient exceeds three standard deviations."""
         return abs(self.deviations) > _CLEAR
 
 
@@ -158,7 +158,7 @@ class FrictionTrend:
         return tuple(self._records)
 
     def add(self, record: FrictionRecord) -> None:
-        """Add a friction record; its time may be earlier than that of other records."""
+        """Add a friction record; its time may be earlier than the time of other records."""
         insort(self._records, record, key=lambda one: one.time)
         self._thin()
 
@@ -202,7 +202,7 @@ _LARGEST = 1000 * MOST  # bytes; larger than any trend with the largest number o
 
 
 class TrendFileError(ValueError):
-    """A file does not contain the friction trend of this arm; the message states what to check."""
+    """Error for a file that is not this arm's friction trend; the message states what to check."""
 
 
 def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> FrictionTrend:
@@ -224,17 +224,17 @@ def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> Friction
     if joint_names is not None and not path.exists():
         return FrictionTrend(joint_names)
     if path.stat().st_size > _LARGEST:
-        raise TrendFileError(f'{path} is too large for a friction history: name another file')
+        raise TrendFileError(f'{path} is too large for a friction history: pass another file')
     lines = path.read_text(errors='replace').splitlines()
     names = _names(lines[0] if lines else '')
     if not names or lines[0] != _header(names):
         raise TrendFileError(
-            f'{path} is not a friction history: name a new file, or the earlier one'
+            f'{path} is not a friction history: pass a new file, or the file of earlier records'
         )
     if joint_names is not None and names != tuple(joint_names):
         raise TrendFileError(
-            f'{path} belongs to joints {", ".join(names)}, not to {", ".join(joint_names)}: name '
-            'a separate file for each arm'
+            f'{path} belongs to joints {", ".join(names)}, not to {", ".join(joint_names)}: use a '
+            'separate file for each arm'
         )
     records = []
     for number, line in enumerate(lines[1:], 2):
@@ -248,7 +248,7 @@ def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> Friction
 
 
 def write_trend(path: Path, trend: FrictionTrend) -> None:
-    """Write a friction trend; a file of that name is replaced atomically."""
+    """Write a friction trend to a file; an existing file is replaced atomically."""
     lines = [_header(trend.joint_names)]
     for record in trend.records:
         date = datetime.fromtimestamp(record.time, UTC).isoformat(timespec='seconds')

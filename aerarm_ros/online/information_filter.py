@@ -1,4 +1,4 @@
-"""Recursive Bayesian regression, in which forgetting leads back to the prior."""
+"""Recursive Bayesian regression with forgetting, which leads back to the prior."""
 
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ class Belief(NamedTuple):
 
 
 class InformationFilter:
-    """Recursive estimate of parameters, scaled by the standard deviations of their prior.
+    """Recursive estimate of parameters, in units of the prior's standard deviations.
 
     The prior mean is zero. Forgetting replaces information by the prior's, `L <- D L D + (1 -
     D^2)`, for every parameter at its own rate. Parameters that the motion does not excite return
@@ -50,7 +50,7 @@ class InformationFilter:
         self.belief = Belief(np.zeros(size), np.eye(size), np.eye(size))
 
     def update(self, rows: Array, values: Array, variances: Array, kept: Array) -> None:
-        """Forget a part of the information, and add measurements.
+        """Discard a part of the old information, and add measurements.
 
         Parameters
         ----------
@@ -73,7 +73,7 @@ class InformationFilter:
         self.belief = Belief(covariance @ known, information, covariance)
 
     def forget(self, which: slice) -> None:
-        """Reset parameters to the prior; all other parameters keep their information."""
+        """Reset some parameters to the prior; all other parameters keep their information."""
         mean, _, covariance = self.belief
         mean, covariance = mean.copy(), covariance.copy()
         mean[which] = 0.0
@@ -84,7 +84,7 @@ class InformationFilter:
 
 
 SPECK = 1e-6
-"""Mass [kg] that stands for "no payload", positive because a body needs a mass."""
+"""Mass [kg] that means "no payload"; positive, because the estimator needs a body with mass."""
 _ITERATIONS = 6
 _DENSITY = 1000.0  # [kg/m^3] of the prior's ball: objects are about as dense as water
 _ENTROPY = 0.5  # weight of the prior against a squared standard deviation

@@ -1,4 +1,4 @@
-"""Test whether external joint torque follows gravity and inertia, as that of a payload does."""
+"""Test whether external joint torque follows gravity and inertia, as a payload's torque does."""
 
 from collections import deque
 
@@ -23,7 +23,7 @@ _LOAD_SHARE = 0.1  # of a payload's torque, error of friction and torque constan
 
 
 class LoadTest:
-    """Tests whether a payload at the last link explains the external joint torque.
+    """Test whether a payload at the last link explains the external joint torque.
 
     The body's ten parameters follow from a recursive regression. The columns of the regression
     pass the torque's observer: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`.
@@ -75,18 +75,18 @@ class LoadTest:
         return self._body is not None
 
     def pause(self) -> None:
-        """Restart the test after a gap in the data; keep a payload that was detected before."""
+        """Restart the test after a gap in the data; a payload detected before is kept."""
         self._columns = np.zeros((self._n, 10))
         self._integral: Array | None = None
         self._due = self._quiet = 0.0
 
     def declare(self, payload: npt.ArrayLike) -> None:
-        """Set the inertial parameters (10,) of the declared payload; a detected one is dropped."""
+        """Set the declared payload's inertial parameters (10,), and drop a detected payload."""
         self._declared = np.array(payload, dtype=float)
         self._drop()
 
     def rebase(self, q: Array, dq: Array, base: BaseMotion | None) -> None:
-        """Continue with the same regression columns after lost states."""
+        """Keep the regression columns unchanged across lost states."""
         if self._integral is not None:
             momentum, _ = self._evaluate(q, dq, base)
             self._integral = self._integral + momentum - self._momentum
@@ -156,7 +156,7 @@ class LoadTest:
         self._window.clear()
 
     def _is_needed(self, residual: Array, threshold: Array, dt: float) -> bool:
-        """Return whether the regression must run, which takes half of all computation."""
+        """Return whether the regression, which takes half of the computing time, must run."""
         if (
             self.is_loaded
             or self._declared.any()
@@ -220,5 +220,5 @@ class LoadTest:
             self.mass, self.mass_std = mass, std
 
     def _is_body(self, mass: float) -> bool:
-        """Return whether a payload mass [kg] is possible: the last link keeps a positive mass."""
+        """Return whether a payload mass [kg] leaves the last link a positive mass."""
         return bool(mass > -self._own_mass - self._declared[0])

@@ -1,4 +1,4 @@
-"""Payload compensation: move the payload in a controller's model to the estimated payload."""
+"""Payload compensation: a controller's model receives the estimated payload gradually."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _SMALL = 0.1  # [Nm] tolerated difference
 
 
 class PayloadCompensation:
-    """Payload in a controller's model, which moves gradually to the estimated payload.
+    """Payload in a controller's model, adjusted gradually to the estimated payload.
 
     The ten inertial parameters move along a straight line to the estimate times `share`. Physical
     bodies are a convex cone, so the payload is physical at every instant. Mass and first moment
@@ -83,7 +83,7 @@ class PayloadCompensation:
         return self.carried
 
     def judge(self, residual: Array, share: Array, dt: float) -> bool:
-        """Undo the compensation if it increases the model's errors; return whether it did.
+        """Remove a compensation that increases the model's errors; return whether it did.
 
         Parameters
         ----------

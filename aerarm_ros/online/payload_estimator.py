@@ -1,4 +1,4 @@
-"""Estimation of payload and friction while the arm moves."""
+"""Online estimation of payload and friction while the arm moves."""
 
 from collections import deque
 from dataclasses import dataclass, fields
@@ -114,13 +114,13 @@ class EstimatorSettings:
             positive(field.name, getattr(self, field.name))
 
     def body_scale(self, mass: float) -> np.ndarray:
-        """Return prior standard deviations (10,) of a payload's parameters; `mass` in kg."""
+        """Return prior standard deviations (10,) of a payload's parameters; `mass` is in kg."""
         size = self.payload_size
         return mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
 
 
 class ChangeTest:
-    """Cumulative sum test, which detects that errors have become larger than expected.
+    """Cumulative sum test for errors that have become larger than expected.
 
     Page: Continuous inspection schemes (1954). The sum adds each squared error over its variance,
     minus `allowed`, up to a limit, so that a single outlier causes no detection.
@@ -143,7 +143,7 @@ class ChangeTest:
         self._sum = 0.0
 
     def update(self, square: float) -> bool:
-        """Add a squared error divided by its variance; return whether a change is detected."""
+        """Add a squared error divided by its variance; return whether the test detects a change."""
         change = min(square, 0.5 * self._threshold) - self._allowed
         self._sum = max(0.0, self._sum + change)
         return self._sum > self._threshold
@@ -154,7 +154,7 @@ _MOVING = 0.05  # [rad/s]
 
 
 class EffortWatch:
-    """Detects joints that move while their measured torque stays exactly constant.
+    """Detector of joints that move while the measured torque stays exactly constant.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ class EffortWatch:
 
 
 PERIOD = 0.02
-"""[s] Shortest interval between two payload estimates."""
+"""Shortest interval between two payload estimates [s]."""
 # [s] A longer silence may hide any event.
 _LONGEST_GAP = 0.05
 _TARE, _LOAD = slice(0, 10), slice(10, 20)
@@ -210,14 +210,14 @@ _LEAST_NOISE = 0.25  # smallest noise, relative to the initial one
 
 
 class _Phase(NamedTuple):
-    """Phase of the estimation: with or without payload, and start time [s]."""
+    """Phase of the estimation: whether a payload is present, and start time [s]."""
 
     carries: bool
     since: float
 
 
 class PayloadEstimator:
-    """Estimates payload and friction from joint states at 1 kHz, every 20 ms.
+    """Estimator of payload and friction, every 20 ms from joint states at 1 kHz.
 
     The estimator is a linear Bayesian filter with three blocks. The *bias* block is a body that
     corrects the arm's model at its last link, learnt without payload. The *payload* block has the
@@ -284,7 +284,7 @@ class PayloadEstimator:
 
     @property
     def problem(self) -> str:
-        """Reason why payload estimation is impossible at present; empty if possible."""
+        """Reason why payload estimation is impossible at present; empty without a problem."""
         return self._efforts.problem or self._fault
 
     @property
@@ -389,18 +389,18 @@ class PayloadEstimator:
         return estimate
 
     def _rests(self, row: MotionRow) -> bool:
-        """Return whether all joints rest, where friction can hide or explain any torque."""
+        """Return whether all joints rest; at rest, friction can hide or explain any torque."""
         n = self._motion.n
         return bool(np.abs(row.regressor[:, 10 : 10 + n]).max() < SLOW)
 
     def _rows(self, row: MotionRow) -> Array:
-        """Return the regression rows of the n torques, scaled for the filter."""
+        """Return the regression rows of the n joint torques, in the scale of the filter."""
         body, friction = row.regressor[:, :10], row.regressor[:, 10:]
         load = self._load_scale if self._phase.carries else np.zeros(10)
         return np.hstack([body * self._tare_scale, body * load, friction * self._friction_scale])
 
     def _innovation(self, rows: Array, row: MotionRow) -> tuple[Array, float]:
-        """Return prediction errors (n,) [Nm], and the largest square divided by its variance."""
+        """Return prediction errors (n,) [Nm], and the largest squared error over its variance."""
         belief = self._filter.belief
         error = row.torque - rows @ belief.mean
         spread = np.einsum('ij,jk,ik->i', rows, belief.covariance, rows)
@@ -448,7 +448,8 @@ class PayloadEstimator:
             self._begin(True, now)
         else:
             self._fault = (
-                'the arm carried a payload at the start, or its model is wrong: start without a '
+                'the arm carried a payload at the start, or the model of the arm is wrong: start '
+                'without a '
                 'payload and move, set payload.inertial_parameters, or identify the arm'
             )
 
@@ -473,7 +474,7 @@ class PayloadEstimator:
         self.changes += 1
 
     def _look_again(self, rows: Array, row: MotionRow) -> None:
-        """Restart the estimation when the arm without payload explains the torques again."""
+        """Restart the estimation once the model without payload explains the torques again."""
         _, square = self._innovation(rows, row)
         self._quiet = self._quiet + self._period if square < 3.0 else 0.0
         if self._quiet > 1.0:
@@ -506,6 +507,6 @@ class PayloadEstimator:
 
 
 def _is_nothing(payload: Payload) -> bool:
-    """Return whether an estimated payload is insignificant compared with its covariance."""
+    """Return whether an estimated payload is insignificant, given its covariance."""
     body = payload.inertial
     return float(body @ np.linalg.solve(payload.covariance, body)) < _SIGNIFICANT**2

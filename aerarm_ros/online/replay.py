@@ -65,7 +65,7 @@ class KnownArm:
         return PayloadEstimator(dynamics, viscous, coulomb, load, settings, torque_noise)
 
     def other_torque(self, dq: Array) -> Array:
-        """Return the torque (M, n) [Nm] of the terms in `others` at velocities (M, n)."""
+        """Return the torque (M, n) [Nm] of the model terms `others` at velocities (M, n)."""
         torque = np.zeros_like(dq)
         for joint, term, value in self.others:
             velocity = dq[:, joint]
@@ -75,7 +75,7 @@ class KnownArm:
     def states(
         self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
     ) -> Iterator[tuple[float, ArmState]]:
-        """Yield times [s] and joint states of a recording, without the torque of `others`.
+        """Yield times [s] and joint states of a recording; the torque of `others` is subtracted.
 
         Raises
         ------
@@ -87,7 +87,8 @@ class KnownArm:
         if recording.dq is None:
             raise IdentificationError(
                 f'{recording.name} has no velocities, which the payload estimator needs: record '
-                'them, or estimate the payload with identifier --payload, which differentiates '
+                'velocities, or estimate the payload with identifier --payload, which '
+                'differentiates '
                 'positions'
             )
         tau = recording.tau - self.other_torque(recording.dq)
@@ -108,7 +109,7 @@ def unexplained_torque(
     bandwidth: float,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> Array:
-    """Return the RMS torque (n,) [Nm] in a recording that the arm's model does not explain.
+    """Return the RMS (n,) [Nm] of the torque in a recording that the model does not explain.
 
     The result follows from the median error, without a payload or with the payload that fits best,
     whichever is smaller. Thus neither a payload in the whole recording nor one in a part of it
@@ -175,7 +176,7 @@ class LoadChange(NamedTuple):
 
 
 class Replay:
-    """Processes recordings of an arm one after the other with a `PayloadEstimator`.
+    """Replay of an arm's recordings, one after the other, with a `PayloadEstimator`.
 
     The first recording must begin without payload. The base stands still.
 
@@ -242,7 +243,7 @@ class Replay:
         return changes
 
     def _drop_knock(self, changes: list[LoadChange]) -> None:
-        """Remove the last payload from `changes` if it was short or its mass insignificant."""
+        """Remove the last payload from `changes` if it was brief or its mass insignificant."""
         begin = changes[-2] if len(changes) > 1 else None
         if begin is None:
             return  # The payload is that of an earlier recording.

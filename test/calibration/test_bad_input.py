@@ -59,7 +59,7 @@ def test_validation_postures_are_checked_too(good: Observations) -> None:
     swapped[4, [0, 2]] = swapped[4, [2, 0]]
     for position, fault in (
         (swapped, 'markers marker1 and marker3 are swapped'),
-        (1e3 * positions(good), 'they look like millimetres'),
+        (1e3 * positions(good), 'positions look like millimetres'),
     ):
         with pytest.raises(CalibrationError, match=fault):
             calibrate(own_chain(), good, [HeldOut('other day', changed(good, position))])
@@ -142,7 +142,8 @@ def test_validation_without_a_source_names_it(good: Observations) -> None:
     with pytest.raises(CalibrationError) as error:
         calibrate(own_chain(), both, [HeldOut('other', good)])
     assert str(error.value) == (
-        'other has no measurements of table: add them, or pass --ignore table'
+        'the held-out postures other have no measurements of table: add measurements, or pass '
+        '--ignore table'
     )
 
 
@@ -156,7 +157,7 @@ def test_postures_in_which_a_joint_rests_name_the_offset_that_they_hide() -> Non
     q[:, 2:] = (0.3, -0.4)
     text = refused(arm.observe(q))
     assert '.offset cannot be estimated' in text
-    assert 'too few or too similar; joint3, joint4 hardly move' in text
+    assert 'too few or too similar: move every joint further, above all joint3, joint4' in text
 
 
 def test_too_similar_postures_name_the_uncertain_parameters() -> None:
@@ -200,7 +201,7 @@ def test_a_wrong_urdf_is_refused(good: Observations) -> None:
 def test_a_joint_that_turns_the_other_way_is_named(good: Observations) -> None:
     q = good.q.copy()
     q[:, 2] = -q[:, 2]
-    assert 'joint joint3 may turn the other way' in refused(replace(good, q=q))
+    assert 'joint joint3 may turn in the opposite direction' in refused(replace(good, q=q))
 
 
 def test_copies_of_a_marker_are_left_out_with_a_message(good: Observations) -> None:

@@ -123,7 +123,7 @@ def test_rests_and_the_time_offset_are_found(late: float) -> None:
 def test_an_arm_that_never_rests_is_one_error() -> None:
     time, q, track, *_ = recording(0.0)
     q = q + 0.3 * np.sin(3.0 * time)[:, None]
-    with pytest.raises(CalibrationError, match='never rests for 0.4 s: stop in each posture'):
+    with pytest.raises(CalibrationError, match='no rest period of 0.4 s: let the arm rest'):
         rest_observations(resting_arm(time, q), [track], {})
 
 
@@ -177,7 +177,7 @@ def test_an_independent_camera_sees_the_marker_in_every_chosen_posture() -> None
         plant.reset(q)
         hidden += camera.read(plant) is None
     assert hidden > 5
-    with pytest.raises(CalibrationError, match='give a direction'):
+    with pytest.raises(CalibrationError, match='pass a vector of non-zero length'):
         faces_camera(geometry, np.ones(3), np.zeros(3))
 
 

@@ -76,7 +76,7 @@ def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
         ('x1,y1,z1,wrist', '1,2,3,4', 'is a joint of the URDF (base_joint, elbow)'),
         ('elbow,base_joint', '1,2', 'name marker columns x1, y1, z1 [m]'),
         ('x1,y1,z1,x2,y2,elbow', '1,2,3,4,5,6', 'has no z, only x2, y2'),
-        ('x1,y1,z1,x1,elbow', '1,2,3,4,5', 'has two columns named x1'),
+        ('x1,y1,z1,x1,elbow', '1,2,3,4,5', 'has two columns with the name x1'),
         ('tip.x [mm],tip.y,tip.z,elbow', '1,2,3,4', 'tip.x [mm], tip.y, tip.z of'),
         ('x1,y1,z1,roll1 [deg],pitch1,yaw1,elbow', '1,2,3,4,5,6,7', 'different units'),
         ('x1,y1,z1,elbow [turns]', '1,2,3,4', 'unknown unit turns'),

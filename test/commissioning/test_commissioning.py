@@ -178,8 +178,8 @@ def test_a_joint_is_turned_where_it_has_room():
     assert [prompt.hand[1] for prompt in prompts] == pytest.approx(
         [1.571, 3.142, 1.571, 1.571], abs=1e-3
     )
-    assert "counter-clockwise, seen from the tip of the base's axis +z" in prompts[0].text
-    assert 'the tool starts to move towards -x of the base' in prompts[1].text
+    assert 'counter-clockwise, seen from the tip of the base axis +z' in prompts[0].text
+    assert 'the tool starts to move along the base axis -x' in prompts[1].text
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,7 @@ def test_a_joint_without_a_pulse_has_no_offset():
     record = replace(record, joints={**record.joints, 'joint3': bare})
     assert record.pulse_offset(CONFIG) == pytest.approx([1.25, 1.25, 0.0, 1.25])
     assert record.problem(CONFIG).startswith(
-        'the commissioning record has no pulse_offset for joint3'
+        'the commissioning record has no angle of the index pulse (pulse_offset) for joint3'
     )
     assert record.open_joints(CONFIG) == [2]
 

@@ -114,7 +114,7 @@ def test_friction_and_current_of_a_manufactured_arm_pass(friction):
         (driven(speed=-0.15), 'moved at -0.15 and +0.15 rad/s instead of +0.15 and -0.15'),
         (
             driven(phase='failed', reason='board1: error 6'),
-            'the motor was not driven (board1: error 6',
+            'the bridge did not drive the motor (board1: error 6',
         ),
         (replace(driven(), span=(0.0, 0.0, 31.0 * 0.24, 27.0 * 0.24)), 'joint4 moved as well'),
     ],

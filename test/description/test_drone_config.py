@@ -81,7 +81,7 @@ def test_a_scaled_drone_has_the_given_errors() -> None:
 def test_a_heavier_arm_than_the_rotors_lift_is_refused() -> None:
     drone = load_drone_config()
     with pytest.raises(
-        ConfigError, match=(r'hexarotor: with level rotors its thrust is .* \(3 \+ 9 kg\)')
+        ConfigError, match=(r'hexarotor: with level rotors its largest thrust is .* \(3 \+ 9 kg\)')
     ):
         drone.check_carries(9.0, [0.0, 0.0, 0.4])
     # Light enough, but too far out: one side would need more than it has.
@@ -97,7 +97,7 @@ WRONG: dict[str, tuple[Document, str]] = {
     ),
     'inertia in kg dm^2': (
         {'inertia': [4.5, 4.5, 8.0, 0, 0, 0]},
-        r'principal moment 8 kg m\^2, but 3 kg within the extent of body and rotors have at most',
+        r'moment 8 kg m\^2, but 3 kg within the extent of body and rotors have at most',
     ),
     'off-diagonal too large': ({'inertia': [0.05, 0.05, 0.08, 0.06, 0, 0]}, 'principal moment -'),
     'no inertia about z': ({'inertia': [0.05, 0.05, 0.0, 0, 0, 0]}, 'must be positive'),
@@ -112,7 +112,10 @@ WRONG: dict[str, tuple[Document, str]] = {
     ),
     'mount in mm': ({'mount.position': [0, 0, -80]}, r'mount: position = -80.*\[m\]'),
     'mount in degrees': ({'mount.rpy': [180, 0, 0]}, r'mount: rpy = 180.*\[rad\]'),
-    'mount of two numbers': ({'mount.position': [0, 0]}, 'mount: position .* needs x, y and z'),
+    'mount of two numbers': (
+        {'mount.position': [0, 0]},
+        'mount: position .* must be a list of x, y and z',
+    ),
     'mount without position': ({'mount': {'rpy': [0, 0, 0]}}, 'mount lacks the key position'),
     'mount that is a list': ({'mount': [0, 0, 0]}, 'mount must be a mapping'),
     'IMU beside the body': ({'imu.position': [0.2, 0, 0]}, 'imu at .* is outside the body'),

@@ -36,7 +36,7 @@ FAULTS = {
     'xacro': (
         '<link name="wrist"/>',
         '<x:macro xmlns:x="http://www.ros.org/wiki/xacro"/>',
-        'expand them first',
+        'expand the macros first',
     ),
     'link without name': ('<link name="wrist"/>', '<link/>', 'a link has no name'),
     'link twice': ('name="tool0"/>', 'name="wrist"/>', 'link wrist is defined 2 times'),
@@ -59,7 +59,7 @@ FAULTS = {
     'no limit': (
         '<limit lower="-0.523" upper="3.664" effort="9.39" velocity="5.0"/>',
         '',
-        'joint2 is revolute and needs a <limit>',
+        'joint2 is revolute and therefore needs a <limit>',
     ),
     'limits upside down': (
         'lower="-0.523"',

@@ -282,7 +282,7 @@ def test_a_start_in_collision_is_refused(tmp_path: Path, environment) -> None:
 
 
 BAD_INPUT = [
-    ({'amplitude': 2.0}, 'is outside its limit in'),
+    ({'amplitude': 2.0}, 'exceeds its limit in'),
     ({'fundamental': 5.0}, 'highest harmonic'),
     ({'trajectory': '/nowhere/file.yaml'}, '/nowhere/file.yaml cannot be read (No such file'),
     ({'mode': 'torque'}, 'one of velocity, position_velocity_effort'),

@@ -109,7 +109,7 @@ def test_files_that_exist_are_replaced_on_request_only(
 def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatch) -> None:
     def stopped(specification, *_) -> Iterator[DesignResult]:
         initial = TrajectoryDesigner(specification).initial(0)
-        remark = 'no better trajectory than the random start'
+        remark = 'the random initial trajectory is the best'
         yield replace(initial, seconds=37.2, remark=remark, stopped=True)
 
     monkeypatch.setattr(design_run, 'design_all', stopped)

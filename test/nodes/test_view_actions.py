@@ -121,7 +121,7 @@ def commission(viewer: Viewer, record: Path) -> None:
     viewer.set('Begin commissioning', True)
     wait('Put joint3 at its home configuration')
     viewer.set('Skip this step', True)
-    wait('The motor of joint3 aligns now')
+    wait('The motor of joint3 aligns its rotor now')
     viewer.set('Skip this step', True)
     wait(f'joint3 did not pass: read the findings in {record}')
     assert load_record(record).joints['joint3'].findings == ('joint3: skipped by the user',) * 2

@@ -196,7 +196,7 @@ def test_a_contact_before_a_long_gap_ends_before_it(
 def test_states_lost_in_bursts_are_reported(run: CarryingRun, quiet: ContactDetector) -> None:
     motion = at_rest(run, 0.6)
     kept = np.arange(len(motion.time)) % 9 < 4
-    assert 'too many states are lost' in play(quiet, thinned(motion, kept)).problem
+    assert 'too many joint states are lost' in play(quiet, thinned(motion, kept)).problem
     assert play(quiet, replace(motion, time=motion.time + 10.0)).problem == ''
 
 
@@ -434,8 +434,8 @@ def test_thresholds_survive_their_file(run: CarryingRun, bound: ResidualBound) -
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        ({'features': []}, 'is not a bound of residuals'),
-        ({'joint_names': ['a']}, 'belongs to joints'),
+        ({'features': []}, 'contains no thresholds of contact detection'),
+        ({'joint_names': ['a']}, 'contains thresholds for the joints'),
         ({'shares': [[1.0]]}, 'is missing or is not a number'),
         ({'noise': [0.1, 0.1, 0.1, -0.1]}, 'finite and not negative'),
         ({'observer_gain': 0.0}, 'finite and not negative'),

@@ -61,7 +61,7 @@ def test_friction_that_is_not_known_is_in_the_regressor(robot: Robot) -> None:
 
 def test_there_is_no_row_before_two_windows(robot: Robot) -> None:
     motion = FilteredMotion(MovingBaseDynamics(robot), 0.0, 0.0, 0.0, 30.0)
-    with pytest.raises(RuntimeError, match='no window'):
+    with pytest.raises(RuntimeError, match='before two complete windows'):
         motion.row()
     assert not motion.is_settled
 

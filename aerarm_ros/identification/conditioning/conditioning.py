@@ -156,7 +156,7 @@ def _spectrum(values: Array) -> npt.NDArray[np.complex128]:
 
 
 def _coherent(q: Array, dq: Array) -> npt.NDArray[np.bool_]:
-    """Return a mask (K, n) of the frequencies at which positions and velocities are coherent.
+    """Return a mask (K, n) of the frequencies at which position and velocity are coherent.
 
     The noise of a filtered velocity falls with frequency, like a motion. The positions do not
     contain this noise, so the coherence of positions and velocities is low where noise dominates.
@@ -183,7 +183,7 @@ def _edges(
     derivative: int = 0,
     common: npt.NDArray[np.bool_] | None = None,
 ) -> Array:
-    """Return the frequency [Hz] below which nearly all power of each joint's signal lies, (n,)."""
+    """Return for each joint the frequency [Hz] below which nearly all signal power lies, (n,)."""
     power = np.abs(_spectrum(values)) ** 2
     noise = np.median(power[len(power) // 2 :], axis=0) / np.log(2.0)
     # Single noise bins scatter about their mean; only values well above it count.
@@ -204,7 +204,7 @@ _HALVINGS = 8  # of the logarithmic interval that contains an edge
 
 
 def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Array) -> Array:
-    """Return band edges (n,) [Hz] without the effect of short bursts and of one joint's vibration.
+    """Return band edges (n,) [Hz] that disregard short bursts and vibration of a single joint.
 
     A few jolts, or the vibration of one joint, contain more than a thousandth of a joint's power.
     The function ignores the 20 % of a joint's blocks with the most high-frequency power. Above the
@@ -283,7 +283,7 @@ _STANDSTILL_TIME = 0.3  # [s]
 
 
 class Conditioner:
-    """Filter of recordings, with cut-off and harmonics determined from the identification bags.
+    """Filter of recordings; cut-off and harmonics are determined from the identification bags.
 
     Parameters
     ----------
@@ -406,7 +406,7 @@ class Conditioner:
     def condition(
         self, recording: Recording, kinematics: KinematicsFilter, predicted: bool = False
     ) -> Samples:
-        """Filter the torque of one bag by the low-pass filter, and its motion by `kinematics`.
+        """Filter the torque of a bag by the low-pass filter, and the motion by `kinematics`.
 
         The conditioner keeps no resampled motion afterwards, to save memory.
 
@@ -434,7 +434,7 @@ class Conditioner:
         return samples
 
     def trial(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
-        """Filter one bag; the times of the samples are the same for every filter and cut-off.
+        """Filter one bag for a comparison; sample times are equal for all filters and cut-offs.
 
         Raises
         ------
@@ -538,7 +538,7 @@ class Conditioner:
 
 
 def _tried(rule: float, least: float, highest: float) -> tuple[float, ...]:
-    """Return candidate cut-offs [Hz] in ascending order: lower ones, and the cut-off `rule`.
+    """Return candidate cut-offs [Hz] in ascending order; the last one is the cut-off `rule`.
 
     The rule uses velocities, whose noise may extend far beyond the motion's band.
     """
@@ -560,7 +560,7 @@ def _slope(motion: UniformMotion) -> Array:
 
 
 def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
-    """Return a mask of the samples in which a joint is at rest, with undetermined dry friction."""
+    """Return a mask of samples in which a joint rests, so that its dry friction is unknown."""
     slow = at_rest(dq)
     shortest = max(2, round(_STANDSTILL_TIME / dt))
     still = np.zeros_like(slow)
@@ -574,7 +574,7 @@ def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
 def _near(
     recording: Recording, flags: npt.NDArray[np.bool_], time: Array, distance: float
 ) -> npt.NDArray[np.bool_]:
-    """Return a mask (K, n) of the times (K,) that are within `distance` [s] of a flagged sample."""
+    """Return a mask (K, n) of the times (K,) within `distance` [s] of a flagged sample."""
     near = np.zeros((len(time), flags.shape[1]), dtype=bool)
     for joint in range(flags.shape[1]):
         flagged = recording.time[flags[:, joint]]
@@ -584,6 +584,6 @@ def _near(
 
 
 def _blocks(motion: UniformMotion, count: int, step: int) -> npt.NDArray[np.intp]:
-    """Return the block number of each sample; corresponding parts of all periods share a number."""
+    """Return the block number of each sample; the same part of each period has the same number."""
     length = motion.period // step if motion.period else count
     return np.asarray((np.arange(count) % length) * BLOCKS // length, dtype=np.intp)

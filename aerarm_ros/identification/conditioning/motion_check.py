@@ -1,4 +1,4 @@
-"""Checks whether the options that describe a motion match the recorded motion."""
+"""Checks whether the recorded motion matches the options that describe it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from aerarm_ros.identification.conditioning.uniform_motion import UniformMotion
 from aerarm_ros.identification.errors import IdentificationError
 
 FILTERS = ('auto', 'harmonics', 'butterworth')
-"""Filters of positions, velocities and accelerations that the user can select."""
+"""Names of the filters for positions, velocities and accelerations, for the option --filter."""
 
 
 @dataclass(frozen=True)
 class ConditioningOptions:
-    """Conditioning settings of the user; a setting of None is determined from the data.
+    """Conditioning settings of the user; None means that the data determine the setting.
 
     Attributes
     ----------
@@ -58,13 +58,14 @@ _TOO_SHORT = 3.0  # [s] shortest motion that can be identified
 
 
 def short_motion_warnings(motion: UniformMotion) -> list[str]:
-    """Return warnings about a short motion that is not periodic."""
+    """Return warnings about recordings with a short motion that is not periodic."""
     duration = motion.count * motion.dt
     if motion.period is not None or duration >= _SHORT:
         return []
     return [
-        f'{motion.recording.name} contains only {duration:.1f} s of motion that never repeats: '
-        f'record at least one whole period of an excitation, {_SHORT:g} s or more (two periods are '
+        f'{motion.recording.name} contains only {duration:.1f} s of motion without repetition: '
+        f'record at least one whole period of an excitation, {_SHORT:g} s or more (two periods '
+        'are '
         'better)'
     ]
 
@@ -115,7 +116,7 @@ def fundamental_warnings(
 
 
 def _share_of_way(motion: UniformMotion) -> float:
-    """Return the fraction of the joints' path that lies in the window used for identification."""
+    """Return the fraction of the joints' travel that lies in the window used for identification."""
     way = np.abs(np.diff(motion.q, axis=0)).sum(axis=1)
     return float(way[motion.window].sum() / way.sum())
 
@@ -146,7 +147,8 @@ def harmonics_warnings(given: int, found: int, fundamental: float, rate: float) 
         return []
     return [
         f'--harmonics is {given}, but the motion has {found} harmonics, up to '
-        f'{found * fundamental:.3g} Hz, and the filter removes those above number {given}: check '
+        f'{found * fundamental:.3g} Hz, and the filter removes harmonics above number {given}: '
+        'check '
         'the option, or omit it'
     ]
 

@@ -103,7 +103,7 @@ def count_harmonics(dq: Array, periods: int) -> int:
 
 
 def _mismatch(q: Array, lag: int) -> Array:
-    """Return, for each start sample, the mismatch of two consecutive sections of `lag` samples.
+    """Return the mismatch of two consecutive sections of `lag` samples, for each start sample.
 
     The mismatch is the mean squared difference of two consecutive sections of this length, divided
     by twice their common variance. The mismatch is 0 for a repeated motion and about 1 for
@@ -133,7 +133,7 @@ def _shortest_repeating_lag(q: Array) -> int | None:
 
 
 def _refined_period(time: Array, q: Array, coarse_time: Array, coarse: Array, lag: int) -> float:
-    """Return the period [s], determined more accurately than by the search."""
+    """Return the period [s] more accurately than the search for whole samples."""
     start = coarse_time[int(np.argmin(_mismatch(coarse, lag)))]
     length = lag / _RATE
     instants = np.arange(start, start + length, 0.1 / _RATE)
@@ -162,7 +162,7 @@ def _at(instants: Array, time: Array, q: Array) -> Array:
 
 
 def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
-    """Return the section with the most whole periods; of several, the one that repeats best."""
+    """Return the section with the most whole periods; among equals, the best repetition."""
     lag = max(200, round(period * _RATE))
     step = period / lag
     length = time[-1] - time[0] + float(np.median(np.diff(time)))
@@ -188,7 +188,7 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
 
 
 def _moving_time(q: Array) -> float:
-    """Return the total time [s] in which the arm moves, from positions sampled at `_RATE`."""
+    """Return the total time [s] of the arm's motion, from positions sampled at the rate `_RATE`."""
     travel = np.linalg.norm(np.diff(q, axis=0), axis=1)
     return float(np.sum(travel > 0.02 * travel.max())) / _RATE
 

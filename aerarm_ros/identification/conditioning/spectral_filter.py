@@ -184,7 +184,7 @@ class SpectralFilter:
         return filtered
 
     def _apply(self, rows: Array, gain: Gain, step: int) -> Array:
-        """Filter extended rows; long rows are filtered in overlapping parts."""
+        """Filter extended rows of a signal; long rows are filtered in overlapping parts."""
         last = self._left + self.count
         if self._size == self._length:
             return _transformed(rows, gain, step)[:, self._left // step : -(-last // step)]
@@ -212,7 +212,7 @@ class SpectralFilter:
 
 
 def _transformed(rows: Array, gain: Gain, step: int) -> Array:
-    """Multiply the spectrum of periodic rows by `gain`, and return every `step`-th sample."""
+    """Multiply the spectrum of periodic rows by `gain`, and return one of `step` samples."""
     length = rows.shape[1] // step
     kept = length // 2 + 1
     spectrum = np.fft.rfft(rows, axis=1)[:, :kept]
@@ -224,7 +224,7 @@ def _transformed(rows: Array, gain: Gain, step: int) -> Array:
 
 
 def _smooth_multiple(factor: int, least: int) -> int:
-    """Return the smallest multiple of `factor`, `least` or more, with a fast Fourier transform."""
+    """Return a multiple of `factor`, at least `least`, as length of a fast Fourier transform."""
     multiple = -(-least // factor)
     while not _is_smooth(multiple):
         multiple += 1
@@ -232,7 +232,7 @@ def _smooth_multiple(factor: int, least: int) -> int:
 
 
 def _continuation(count: int, wanted: float, decimation: int) -> tuple[int, int]:
-    """Return the number of samples to add before the signal, and that of the extended signal."""
+    """Return the number of samples to add before the signal, and the length after extension."""
     most = count - 1
     left = min(round(wanted), most) // decimation * decimation
     shortest, longest = left + count + min(round(wanted), most), left + count + most

@@ -24,7 +24,7 @@ _FORGOTTEN = 1.2
 
 @dataclass(frozen=True, eq=False)
 class DistinctMotion:
-    """Motion of one bag without repeated cycles, from which the regressor columns are computed.
+    """Motion of one bag without repeated cycles, for the computation of regressor columns.
 
     A motion of equal cycles has equal columns in all of them, except near its ends. Half an hour of
     a periodic excitation has a hundred equal cycles or more.
@@ -51,7 +51,7 @@ class DistinctMotion:
     place: npt.NDArray[np.intp] | None
 
     def whole(self, columns: Array) -> Array:
-        """Return columns (M, ...) for the whole motion from columns (K, ...) for this motion."""
+        """Return columns (M, ...) for the whole motion from columns (K, ...) without repeats."""
         return columns if self.place is None else columns[self.place]
 
 
@@ -59,7 +59,7 @@ FOLDS = 5
 """Number of parts into which cross-validation divides a motion."""
 
 BLOCKS = 5 * FOLDS
-"""Number of consecutive blocks of a motion; a part for cross-validation consists of five blocks."""
+"""Number of consecutive blocks of a motion; five of them form a part for cross-validation."""
 
 
 # fraction of a joint's top speed, below which the joint counts as at rest
@@ -67,7 +67,7 @@ _STANDSTILL_SPEED = 5e-3
 
 
 def at_rest(dq: Array) -> npt.NDArray[np.bool_]:
-    """Return a mask (M, n) of the samples in which each joint counts as at rest."""
+    """Return a mask (M, n) of the samples in which a joint counts as at rest."""
     top = np.maximum(np.abs(dq).max(axis=0, initial=0.0), 1e-6)
     return np.asarray(np.abs(dq) < _STANDSTILL_SPEED * top, dtype=bool)
 
@@ -135,7 +135,7 @@ class Samples:
 
     @property
     def fold(self) -> npt.NDArray[np.intp]:
-        """Cross-validation part of each sample (M,), 0 to `FOLDS` - 1; it changes with each block.
+        """Cross-validation part of each sample (M,): 0 to `FOLDS` - 1, in turn from block to block.
 
         Every part thus covers the whole motion. With contiguous parts, the torque of a part would
         be predicted for postures that no other part reaches, which would test extrapolation.
@@ -148,7 +148,7 @@ class Samples:
         return self.fine_filter.decimation
 
     def distinct(self) -> DistinctMotion:
-        """Return the motion without the cycles that only repeat others."""
+        """Return the motion without cycles that only repeat earlier cycles."""
         count, cycle = len(self.q), self.cycle
         fine, coarse = self.fine_filter, self.coarse_filter
         travel = np.abs(self.dq_fine[: cycle * self.step]).sum(axis=0).min() * fine.dt
@@ -343,7 +343,7 @@ def _resampled(
     period: int | None,
     effort_delay: Array | None,
 ) -> UniformMotion:
-    """Interpolate and decimate a recording joint by joint, to save memory."""
+    """Interpolate and decimate a recording; works joint by joint to save memory."""
     late = np.zeros(recording.tau.shape[1]) if effort_delay is None else effort_delay
     cutoff = _ANTI_ALIASING / (dt * factor)
     settling = SETTLING_PERIODS / cutoff

@@ -47,7 +47,7 @@ class EstimateChange:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the difference is significant, given its standard deviation."""
+        """Whether the difference exceeds three standard deviations."""
         return abs(self.deviations) > _CLEAR
 
 
@@ -74,7 +74,7 @@ class EstimateComparison:
 
     @property
     def changes(self) -> tuple[EstimateChange, ...]:
-        """Changes of all quantities in one sequence."""
+        """Changes of all quantities: friction, inertia and drives."""
         return (*self.friction, *self.inertia, *self.drives)
 
 
@@ -124,7 +124,7 @@ def _parameters(path: Path) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class _JointFriction:
-    """Friction model of one joint in one of the compared results."""
+    """Friction model of one joint, from one of the two compared results."""
 
     terms: Mapping[JointTerm, float]
     speeds: Array
@@ -133,7 +133,7 @@ class _JointFriction:
     load_deviation: float
 
     def at(self, speed: Array, load: float) -> tuple[Array, Array]:
-        """Return the friction torque and its standard deviation [Nm] at given speeds and load."""
+        """Return friction torques and their standard deviations [Nm] at given speeds and load."""
         known = np.interp(speed, self.speeds, self.torques)
         elsewhere = self.load_deviation * (load - self.load)
         return friction_torque(self.terms, speed, load), np.hypot(known, elsewhere)
@@ -170,7 +170,7 @@ def _friction(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[Esti
 def _inertia(
     first: Mapping[str, Any], second: Mapping[str, Any]
 ) -> tuple[tuple[EstimateChange, ...], int]:
-    """Return the changes of common base parameters, and the number of all others."""
+    """Return the changes of common base parameters, and the number of other base parameters."""
     old, new = (_base(each['base_parameters']) for each in (first, second))
     common = [name for name in old if name in new]
     changes = tuple(
@@ -256,6 +256,6 @@ def _bench_joints(path: Path) -> Mapping[str, Mapping[str, Any]]:
 def _change(joint: str, label: str, unit: str, old: object, new: object) -> EstimateChange:
     (before, spread), (after, other) = (np.array(pair, dtype=float) for pair in (old, new))
     if not np.isfinite([before, spread, after, other]).all():
-        raise ValueError(f'{label} of {joint} is not a number')
+        raise ValueError(f'the value {label} of {joint} is not a number')
     name, std = f'{label} of {joint}', np.hypot(spread, other)
     return EstimateChange(name, unit, float(before), float(after), float(std))

@@ -28,7 +28,7 @@ NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
 @dataclass(frozen=True, eq=False)
 class FrictionDeviations:
-    """Standard deviations of each joint's friction torque, averaged over both directions of motion.
+    """Standard deviations of each joint's friction torque (mean of both directions of motion).
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class FrictionDeviations:
 
 
 def friction_torque(terms: Mapping[JointTerm, float], speed: Array, load: float) -> Array:
-    """Return a joint's friction torque at speeds (K,), averaged over both directions [Nm].
+    """Return a joint's friction torque at speeds (K,), as the mean of both directions [Nm].
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def friction_torque(terms: Mapping[JointTerm, float], speed: Array, load: float)
 
 
 def friction_deviations(result: IdentificationResult) -> FrictionDeviations:
-    """Return the standard deviations of the recommended estimate's friction torques."""
+    """Return the standard deviations of the friction torques of the recommended estimate."""
     model, inertial = result.fit.model, result.recommended.estimate.inertial.ravel()
     covariance = result.fit.covariance[10 * model.n :, 10 * model.n :]
     loads = [np.abs(bag.links_torque(inertial)) for bag in result.identification]
@@ -97,16 +97,17 @@ def _both_ways(term: JointTerm, speed: Array, load: float) -> Array:
 _HEADER = """\
 # Dynamic parameters identified from recorded motion. SI units, joint side.
 # inertial_parameters: for each link m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the
-# frame of the link's joint. viscous and coulomb: the friction (2.6) of the thesis that is nearest
-# to the complete friction model in `friction`, including load-dependent friction.
-# (identified.urdf lists load-dependent friction separately.) Complete friction torque of a joint
-# at the velocity dq: viscous dq + coulomb s(dq) + load |torque on the links| s(dq). Added to this:
-# creep tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2). Added to
-# this: forward max(a(dq), 0) + backward min(a(dq), 0). Here s(dq) = tanh(dq / coulomb_width), or
-# sgn(dq) if coulomb_width is 0. If coulomb_distance is not 0, friction builds up after a reversal:
-# s is then the state z of dz = (sgn(dq) - z) |dq| dt / coulomb_distance, and sgn(dq) in steady
-# motion. The function a(dq) is tanh(dq / asymmetry_width). The term creep is
-# viscous friction that saturates at high velocity.
+# frame of the link's joint. viscous and coulomb: friction model (2.6) of the thesis, fitted to the
+# complete friction model in `friction`, including load-dependent friction.
+# (identified.urdf lists load-dependent friction separately.)
+# friction: the complete friction torque at the velocity dq is the sum of three groups of terms:
+#   viscous dq + coulomb s(dq) + load |torque on the links| s(dq);
+#   creep tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2);
+#   forward max(a(dq), 0) + backward min(a(dq), 0).
+# The function s(dq) is tanh(dq / coulomb_width), or sgn(dq) if coulomb_width is 0. If
+# coulomb_distance is not 0, friction builds up after a reversal: s is then the state z of
+# dz = (sgn(dq) - z) |dq| dt / coulomb_distance, and sgn(dq) in steady motion. The function a(dq) is
+# tanh(dq / asymmetry_width). The term creep is viscous friction that saturates at high velocity.
 # coupled_joints, only if joints are coupled: for each coupling the joint, the joint that drives
 # it, the kind, and the coefficient. Kind cv: torque per velocity of the driving joint. Kind ca:
 # torque per acceleration of the driving joint.
@@ -116,7 +117,7 @@ _HEADER = """\
 # friction_deviations: standard deviations of each joint's friction torque without offset, at
 # increasing speeds, for the median torque on the joint's links (loads).
 # base_parameters: the sums of parameters on which the torque depends and which the recordings
-# determine, with standard deviations from the recordings alone.
+# determine. Their standard deviations follow from the recordings alone, without the CAD values.
 """
 
 _PAYLOAD_HEADER = """\
@@ -224,7 +225,7 @@ def _coupled(estimate: Estimate) -> dict[str, list[Any]]:
 
 
 def _per_kind(estimate: Estimate, values: Array) -> dict[str, list[float]]:
-    """Return `values`, one per parameter, grouped by kind of parameter as in estimate.yaml."""
+    """Return one value per parameter, grouped by kind of parameter as in estimate.yaml."""
     spread = Estimate(estimate.solver, estimate.model, values)
     kinds = {name: _floats(spread.joint_values(kind.value)) for kind, name in NAMES.items()}
     return {'inertial_parameters': _floats(spread.inertial), **kinds}
@@ -262,7 +263,7 @@ def payload_yaml(estimate: Estimate, payload: Payload) -> str:
 
 
 def read_estimate(path: Path, robot: Robot) -> Estimate:
-    """Read the estimate of a file written by `estimate_yaml`.
+    """Read an estimate from a file that contains the text of `estimate_yaml`.
 
     Parameters
     ----------
@@ -331,7 +332,7 @@ def estimated_arm(path: Path) -> tuple[tuple[str, ...], Array]:
 
 
 def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, float]]:
-    """Return the coefficients of each joint's torque terms, except those of coupled joints.
+    """Return the coefficients of each joint's torque terms; terms of coupled joints are omitted.
 
     Parameters
     ----------
@@ -407,12 +408,15 @@ def _check_distances(path: Path, names: Sequence[str], own: Sequence[Iterable[Jo
     for name, terms in zip(names, own, strict=True):
         for term in terms:
             if not 0.0 <= term.distance < np.inf:
-                fault = f'is {term.distance:g} rad: use a finite, non-negative angle'
-            elif term.distance and term.width:
-                fault = 'is set together with coulomb_width: set one of the two to 0'
-            else:
-                continue
-            raise IdentificationError(f'coulomb_distance of {name} in {path} {fault}')
+                raise IdentificationError(
+                    f'coulomb_distance of {name} in {path} is {term.distance:g} rad: use a finite, '
+                    'non-negative angle'
+                )
+            if term.distance and term.width:
+                raise IdentificationError(
+                    f'coulomb_distance and coulomb_width of {name} in {path} are both set: set one '
+                    'of the two to 0'
+                )
 
 
 def _fault(error: Exception) -> str:
@@ -420,7 +424,7 @@ def _fault(error: Exception) -> str:
         return f'{error} is missing'
     if isinstance(error, ValueError):
         return 'a list has a wrong length, or contains something other than numbers'
-    return 'its keys are not the keys of an estimate'
+    return 'the file lacks the keys of an estimate'
 
 
 def _column(
@@ -444,7 +448,7 @@ def _read_coupled(
 
 
 def _numbers(values: Any, n: int) -> Array:
-    """Return (n,) numbers of a file entry; zeros if an older file lacks the entry."""
+    """Return the n numbers of a file entry; zeros if the file is older and lacks the entry."""
     return np.zeros(n) if values is None else np.array(values, dtype=float).reshape(n)
 
 

@@ -29,7 +29,7 @@ from aerarm_ros.motion.signals import Array
 def equivalent_friction(
     estimate: Estimate, bags: Sequence[SampleColumns], beside_load: bool = False
 ) -> tuple[Array, Array]:
-    """Return the coefficients f_v and f_s of thesis (2.6), fitted to the friction of an estimate.
+    """Return coefficients f_v and f_s of thesis (2.6) that fit the friction of an estimate best.
 
     The coefficients are fitted to the motion of the bags by non-negative least squares. For
     joints with friction (2.6) only, the result equals the estimate's coefficients.
@@ -185,7 +185,7 @@ def link_bodies(robot: Robot, inertial: Array) -> Iterator[LinkBody]:
 
 
 def _freedom(joint: pin.JointModel) -> tuple[bool, Array]:
-    """Return whether a joint is revolute, and its axis, from its Pinocchio model."""
+    """Return whether a joint is revolute, and the joint's axis, from the Pinocchio model."""
     data = joint.createData()
     joint.calc(data, np.zeros(joint.nq))
     linear, angular = np.split(np.asarray(data.S).ravel(), 2)
@@ -198,7 +198,7 @@ _REMAINING = 0.9
 
 @dataclass(frozen=True, eq=False)
 class LoadFriction:
-    """Joint friction with a load-dependent part.
+    """Friction coefficients of a joint, with a load-dependent part.
 
     Attributes
     ----------
@@ -276,7 +276,7 @@ def identified_urdf(
 
 
 def before_root(text: str) -> str:
-    """Return the XML declaration and comments before the root element, which the parser omits."""
+    """Return the XML declaration and the comments before the root element of a URDF."""
     starts: list[int] = []
     parser = expat.ParserCreate()
     parser.StartElementHandler = lambda *_: starts.append(parser.CurrentByteIndex)
@@ -286,7 +286,7 @@ def before_root(text: str) -> str:
 
 
 def _children(root: ET.Element, parents: list[str], fixed: bool) -> list[tuple[str, str]]:
-    """Return all fixed (or all moving) joints whose parent is in `parents`, with their child."""
+    """Return fixed (or moving) joints whose parent is in `parents`, with their child links."""
     found = []
     for joint in root.findall('joint'):
         parent, child = joint.find('parent'), joint.find('child')
@@ -318,7 +318,7 @@ def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str]) -> 
 
 
 def _inertia_held(robot: Robot, index: int) -> Array:
-    """Return the inertial parameters of all bodies behind a link's locked joints, in its frame."""
+    """Return the total inertial parameters of bodies behind locked joints, in the link's frame."""
     full = pin.buildModelFromXML(robot.urdf_text)
     data = full.createData()
     posture = pin.neutral(full)
@@ -335,14 +335,14 @@ def _inertia_held(robot: Robot, index: int) -> Array:
 
 
 def _moving_ancestor(full: Any, joint: int, moving: tuple[str, ...]) -> int:
-    """Return the joint itself if it moves, else the next moving joint towards the base, or 0."""
+    """Return the joint itself or the nearest moving joint towards the base; 0 without one."""
     while joint > 0 and full.names[joint] not in moving:
         joint = full.parents[joint]
     return joint
 
 
 def _possible_share(whole: Array, kept: Array) -> float:
-    """Return the largest s for which `whole - s kept` is a physically possible body."""
+    """Return the largest s, at most 1, for which `whole - s kept` is a physically possible body."""
     if not kept.any() or is_physically_consistent(whole - kept):
         return 1.0
     if not is_physically_consistent(whole):
@@ -355,7 +355,7 @@ def _possible_share(whole: Array, kept: Array) -> float:
 def _scaled(
     links: Mapping[str | None, ET.Element], held: list[str], share: float, carrier: str
 ) -> list[str]:
-    """Scale the masses and inertias of links by `share`; return notes for the user."""
+    """Scale masses and inertias of links in a URDF by `share`; return notes for the user."""
     for name in held:
         for element in (
             *links[name].iterfind('inertial/mass'),
@@ -366,7 +366,8 @@ def _scaled(
     return [
         f'identified.urdf: the links behind locked joints ({", ".join(held)}) have '
         f'{100.0 * share:.3g} % of the mass that the URDF states, because {carrier} would '
-        'otherwise not be physically consistent; check their inertia in the URDF'
+        'otherwise not be physically consistent; check the inertia of the locked links in the '
+        'URDF'
     ]
 
 
@@ -538,7 +539,7 @@ def _add_link(model: ET.Element, own: LinkBody, parent: str | None) -> None:
 
 
 def _add_joint(model: ET.Element, own: LinkBody, parent: str) -> ET.Element:
-    """Add a joint to the model and return it; its frame is that of its child link."""
+    """Add a joint to the model and return the joint; it has the frame of its child link."""
     kind = 'prismatic'
     if own.turns:
         kind = 'revolute' if np.isfinite(own.limits).all() else 'continuous'

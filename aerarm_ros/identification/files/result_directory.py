@@ -131,7 +131,7 @@ class ResultDirectory:
                 ) from None
 
     def _make_parents(self, parent: Path) -> None:
-        """Create missing folders and record them, so that a failure leaves none behind."""
+        """Create missing folders, and record their names for removal after a failure."""
         missing = [folder for folder in (parent, *parent.parents) if not folder.exists()]
         for folder in reversed(missing):
             # recorded before it is made, because an interrupt may occur between the two calls

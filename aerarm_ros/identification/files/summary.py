@@ -33,7 +33,7 @@ if TYPE_CHECKING:  # only for type annotations
 
 @dataclass(frozen=True)
 class ExportError:
-    """Torque error of the model that a typical program reads from an exported file.
+    """Torque error of a model with the terms that typical programs read from an exported file.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class ExportError:
 
 
 def export_errors(result: IdentificationResult) -> list[ExportError]:
-    """Return the torque error of each file that an identification writes.
+    """Return the torque error of each exported model file of an identification.
 
     Other programs support neither torque offsets nor friction other than (2.6). URDF and SDF
     files cannot store gravity, so they are evaluated with the stated gravity instead of the
@@ -165,7 +165,7 @@ def term_text(term: JointTerm, joint_names: Sequence[str]) -> str:
     if term.driver is not None:
         return f'{term.meaning} {joint_names[term.driver]}'
     if term.distance:
-        return f'{term.meaning} (builds up over {term.distance:g} rad)'
+        return f'{term.meaning} (builds up over {term.distance:g} rad after a reversal)'
     shape = 'exp' if term.kind is TermKind.STRIBECK else 'tanh'
     return f'{term.meaning} ({shape}, {term.width:g} rad/s)' if term.width else term.meaning
 
@@ -263,7 +263,7 @@ _BAG = ('bag', *_ERRORS, *(f'per_joint_{name}' for name in _ERRORS))
 
 
 def _entry(value: object, *names: str) -> dict[str, Any]:
-    """Return attributes of an object for JSON."""
+    """Return selected attributes of an object as a dictionary for JSON."""
     return {name: _plain(getattr(value, name)) for name in names}
 
 

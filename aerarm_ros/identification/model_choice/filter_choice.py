@@ -1,4 +1,4 @@
-"""Choice of effort delay, gravity tilt, cut-off and kinematics filter by held-out torque."""
+"""Choice of effort delay, gravity tilt, cut-off and filter by the error of held-out torque."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -68,7 +68,7 @@ def find_effort_delay(
     cad: ArmParameters,
     in_time: Sequence[SampleColumns] | None = None,
 ) -> EffortDelay:
-    """Estimate the delay of each joint's effort, and test it on held-out parts of the motion.
+    """Estimate the delay of each joint's effort; held-out parts of the motion test the estimate.
 
     For a small delay d, the measured torque equals the model torque minus d times the time
     derivative of the model torque, which is linear in d. The derivative of the predicted torque
@@ -111,7 +111,7 @@ def find_effort_delay(
 
 
 def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:
-    """Return the derivative of filtered torque with respect to delay, one column per joint."""
+    """Return the derivative of filtered torque by the effort delay, one column per joint."""
     n = bag.samples.n
     columns = np.zeros((*rate.shape, n))
     joints = np.arange(n)
@@ -120,7 +120,7 @@ def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:
 
 
 def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
-    """Return a bag whose filtered torque is shifted to earlier times by `delay` (n,) [s]."""
+    """Return a copy of a bag with the filtered torque shifted to earlier times by `delay` [s]."""
     samples: Samples = bag.samples
     dt = float(samples.time[1] - samples.time[0])
     settling = None if samples.fine_filter.periodic else SETTLING_PERIODS * 5.0 * dt
@@ -180,7 +180,7 @@ class GravityDirection:
 def find_gravity(
     robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> GravityDirection:
-    """Estimate the tilt of the base from the torque, and test it on held-out parts of the motion.
+    """Estimate the tilt of the base from the torque; held-out parts of the motion test it.
 
     A tilt by the angle v changes gravity to `g + v x g`, whose torque is linear in v for given
     links. Half a degree on an arm of 10 kg causes a torque of 0.4 Nm about its first axis. Without
@@ -218,7 +218,7 @@ _BLOCK = 4096  # samples
 
 
 def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -> SharedColumns:
-    """Return the filtered torque per base tilt about each axis [Nm/rad]."""
+    """Return the derivative of filtered torque by the base tilt about each axis [Nm/rad]."""
     motion = bag.motion
     parts = np.empty((*motion.q.shape, len(axes)))
     for k, axis in enumerate(axes):
@@ -258,7 +258,7 @@ class FilterTrial:
 
 @dataclass(frozen=True, eq=False)
 class FilterChoice:
-    """Filters that were tried, with the samples of the best filter.
+    """Comparison of filters, with the samples of the best filter.
 
     Attributes
     ----------
@@ -290,7 +290,7 @@ class FilterChoice:
 
     @property
     def has_late_velocities(self) -> bool:
-        """Whether the kinematics use measured velocities with an uncorrected delay."""
+        """Whether the filter uses measured velocities whose delay is not corrected."""
         kinematics = self.kinematics
         as_measured = not (kinematics.from_position or kinematics.in_time)
         return as_measured and bool(self.conditioner.delays.velocity.any())
@@ -298,7 +298,7 @@ class FilterChoice:
     def with_effort_delay(
         self, regressor: Regressor, recordings: Sequence[Recording], delay: EffortDelay
     ) -> 'FilterChoice':
-        """Return the same filter choice, with the delays of all signals corrected."""
+        """Return the filter choice with corrected delays of all signals."""
         if not delay.used.any() and not delay.in_time:
             return self
         moved = self.conditioner.with_effort_delay(delay.used)
@@ -350,7 +350,7 @@ def condition_once(
 
 
 class _Trials:
-    """Trials of filters, each filter once, and comparison of their torque errors."""
+    """Trials of filters (each filter once), and comparison of the torque errors."""
 
     def __init__(
         self, regressor: Regressor, conditioner: Conditioner, recordings: Sequence[Recording]
@@ -400,7 +400,7 @@ class _Trials:
         return min(candidates, key=lambda kinematics: float(errors[kinematics].sum()))
 
     def walk(self, cutoffs: Sequence[float], start: KinematicsFilter) -> None:
-        """Try all cut-offs below that of the filter `start`, with filters of the same type.
+        """Try all cut-offs below the cut-off of the filter `start`, with filters of the same type.
 
         All are tried, because the errors have local minima if noise misleads the rule.
         """
@@ -409,7 +409,7 @@ class _Trials:
                 self.run(cutoff, start)
 
     def nearest(self, rule: float) -> float:
-        """Return the cut-off nearest to `rule` among those that are as good as the best.
+        """Return the cut-off nearest to `rule`, among those as good as the best cut-off.
 
         Two cut-offs count as equally good if chance explains their difference, given its
         variation over the blocks of the motion, and the difference is small. If few blocks cause
@@ -435,7 +435,7 @@ class _Trials:
         ]
 
     def _squared_errors(self) -> dict[KinematicsFilter, Array]:
-        """Return the squared error of each trial and block, over samples common to all trials."""
+        """Return squared errors per trial and block, over the samples that all trials have."""
         common = self._common()
         return {
             kinematics: block_sums(outcome.blocks, outcome.residuals, common)
@@ -449,7 +449,7 @@ class _Trials:
 
 @dataclass(frozen=True, eq=False)
 class _Outcome:
-    """Outcome of a trial: block numbers (M,), recorded torque and residual (M, n) of each bag."""
+    """Result of a trial: block numbers (M,), recorded torque and residual (M, n) of each bag."""
 
     blocks: list[npt.NDArray[np.intp]]
     torques: list[Array]

@@ -1,4 +1,4 @@
-"""Choice of friction and other terms of each joint, and fit of the resulting model."""
+"""Choice of each joint's friction and other terms, and fit of the resulting torque model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ _NO_EFFECT = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class _Eliminated:
-    """Fitted joint coefficients as functions of the links' parameters x: `constant - slope x`.
+    """Fitted joint coefficients as linear functions `constant - slope x` of link parameters x.
 
     `hessian` and `gradient` are the information that remains in the joint's rows about x. The
     leading axes of all arrays are variants of the joint's terms, and held-out parts of the
@@ -45,7 +45,7 @@ class _Eliminated:
 
 
 class CrossValidation:
-    """Prediction of each part of the identification motion by a fit to the other parts.
+    """Prediction of each part of the identification motion, by a fit to all other parts.
 
     The links' parameters are common to all joints, while a joint's terms affect only its own
     torque. So each joint's terms are eliminated first (a Schur complement), and a change of one
@@ -171,7 +171,7 @@ class CrossValidation:
 
 
 def _in_prior_units(factor: Array, mean: Array, std: Array, weight: float) -> Array:
-    """Return weighted rows, whose unknowns are deviations from the prior in standard deviations."""
+    """Return weighted rows in new unknowns: deviations from the prior in standard deviations."""
     rows = weight * factor
     links = len(mean)
     rows[:, -1] -= rows[:, :links] @ mean
@@ -180,7 +180,7 @@ def _in_prior_units(factor: Array, mean: Array, std: Array, weight: float) -> Ar
 
 
 WIDTHS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)
-"""Candidate velocities [rad/s] over which dry friction changes sign; 0 is the step of (2.6)."""
+"""Candidate velocities [rad/s] over which dry friction changes sign; 0 is a step (thesis 2.6)."""
 
 DISTANCES = (0.003, 0.01, 0.03)
 """Candidate angles [rad] over which dry friction builds up after a reversal."""
@@ -236,7 +236,7 @@ class Comparison:
 
 
 def candidate_terms() -> tuple[JointTerm, ...]:
-    """Return all friction, rotor and offset terms that a joint may have."""
+    """Return all friction, rotor and offset terms that the choice considers for a joint."""
     dry = [JointTerm(kind, w, distance=d) for kind in _DRY for w, d in _REVERSALS]
     return (_VISCOUS, ROTOR, *dry, *_SWITCHED)
 
@@ -282,7 +282,7 @@ def select_terms(
 
 
 def _dry_variants(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
-    """Return variants of the terms: each reversal of dry friction, with and without load.
+    """Return variants of the terms: each model of dry friction at reversal, with and without load.
 
     Reversal and load dependence are varied together, because a change of only one may not improve
     the prediction.
@@ -322,9 +322,11 @@ FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
         JointTerm(TermKind.BACKWARD, ASYMMETRY_WIDTH),
     ),
 }
-"""Friction models by name. Each contains viscous and Coulomb friction, rotor inertia and the term
-that its name states. With 'dahl', Coulomb and load-dependent friction build up over an angle after
-a reversal. Names joined by '+' are combined; 'auto' chooses each joint's terms by cross-validation.
+"""Friction models by name.
+
+Each model contains viscous and Coulomb friction, rotor inertia and the term in its name. With
+'dahl', Coulomb and load-dependent friction build up over an angle after a reversal. Models whose
+names are joined by '+' are combined; 'auto' chooses each joint's terms by cross-validation.
 """
 
 # repeated, because the links' parameters determine the load on which friction depends, and vice
@@ -333,7 +335,7 @@ _ROUNDS = 2
 
 
 def friction_terms(friction: str) -> tuple[JointTerm, ...]:
-    """Return the joint terms of a friction model, or of several friction models joined by '+'.
+    """Return the joint terms of one friction model, or of several models joined by '+'.
 
     Raises
     ------
@@ -363,7 +365,7 @@ def choose_model(
     friction: str,
     coupled: CoupledJoints = (),
 ) -> tuple[ModelFit, list[Comparison]]:
-    """Fit the requested joint terms, or the joint terms that predict held-out motion best.
+    """Fit the requested joint terms; for 'auto', the terms that predict held-out motion best.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ def block_sums(
 
 
 def standard_errors(differences: Array) -> float:
-    """Return the sum of independent differences, divided by the standard error of the sum."""
+    """Return the sum of independent differences divided by the standard error of this sum."""
     error = float(differences.std() * np.sqrt(len(differences)))
     return float(differences.sum()) / error if error > 0.0 else 0.0
 
@@ -60,7 +60,7 @@ _CORRELATION = 20.0
 
 @dataclass(frozen=True, eq=False)
 class SharedColumns:
-    """Additional regressor columns of one bag with coefficients common to all joints.
+    """Additional regressor columns of one bag; all joints share their coefficients.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class SharedColumns:
 
 
 class SimpleFit:
-    """Fits of links, friction (2.6), rotors and offsets, each without one part of the motion.
+    """Fits of links, friction as in thesis (2.6), rotors and offsets; each fit omits one part.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class SimpleFit:
         ]
 
     def raw_residuals(self) -> list[Array]:
-        """Return recorded minus predicted torque; each prediction is by a fit to the other parts.
+        """Return recorded minus predicted torque; each predicted part was omitted from the fit.
 
         The fit uses filtered torque, the residuals use recorded torque. So trials with different
         filters are comparable.
@@ -153,7 +153,7 @@ class SimpleFit:
         return self._residuals([bag.rigid_raw for bag in self._bags], columns, torques)
 
     def residuals(self) -> list[Array]:
-        """Return the residuals of filtered torque [Nm]; the prediction includes shared columns."""
+        """Return residuals of filtered torque [Nm]; the prediction includes shared columns."""
         columns = [self._joint_columns(bag) for bag in self._bags]
         return self._residuals(
             [bag.rigid for bag in self._bags], columns, [bag.samples.tau for bag in self._bags]
@@ -210,7 +210,7 @@ class SimpleFit:
         return np.stack([bag.term(term, self._inertial) for term in self._terms], axis=2)
 
     def _raw_columns(self, bag: SampleColumns) -> Array:
-        """Return the columns of the joints' terms without low-pass filter, (M, n, k)."""
+        """Return the columns (M, n, k) of the joints' terms, without low-pass filter."""
         samples = bag.samples
         load = None if self._inertial is None else np.abs(bag.links_torque(self._inertial))
         return np.stack([t.basis(samples.dq, samples.ddq, load) for t in self._terms], axis=2)

@@ -1,4 +1,4 @@
-"""Estimation of gear backlash from oscillations in which the link changes tooth flanks."""
+"""Estimation of gear backlash from oscillations, in which the link moves between tooth flanks."""
 
 from collections.abc import Sequence
 
@@ -32,7 +32,7 @@ def fit_backlash(
     rotor: tuple[float, float],
     name: str,
 ) -> tuple[float, float]:
-    """Return a gear's backlash, measured at the joint, and its standard deviation [rad].
+    """Return the backlash of a gear at the joint, and the standard deviation [rad].
 
     An encoder on the motor does not measure the link, but the backlash affects the motor. When the
     motor brakes, the link leaves the driving flank. Until the opposite flank makes contact, the
@@ -63,7 +63,7 @@ def fit_backlash(
     swings = [_Swing(run) for run in recorded if run.time[-1] - run.time[0] >= _SHORTEST]
     if not swings:
         raise IdentificationError(
-            f'{name}: the oscillations are shorter than {_SHORTEST} s; measure more of them'
+            f'{name}: the oscillations are shorter than {_SHORTEST} s; measure more oscillations'
         )
     backlashes = np.linspace(0.0, 1.0, _BACKLASHES) ** 2 * LARGEST
     spread = 2.0 * links[1] / links[0]
@@ -92,12 +92,12 @@ def is_significant(found: tuple[float, float]) -> bool:
 
 
 def is_largest(found: tuple[float, float]) -> bool:
-    """Return whether a backlash [rad] may exceed `LARGEST`, given its standard deviation."""
+    """Return whether a backlash [rad] may exceed the limit `LARGEST`, given its uncertainty."""
     return found[0] > LARGEST - _CLEAR * found[1]
 
 
 class _Swing:
-    """Recording of oscillations: motor motion on a uniform time grid, and filtered torque."""
+    """Recorded oscillations: motor motion on a uniform time grid, and filtered torque."""
 
     def __init__(self, run: MotorRun) -> None:
         # Local import, because scipy.signal takes longer to import than the rest of this module.
@@ -159,7 +159,7 @@ def _misfit(
     links: Array,
     rotor: tuple[float, float],
 ) -> Array:
-    """Return the sums of squared torque residuals (K,), relative to the noise of the best fit."""
+    """Return squared torque residuals (K,) for K backlashes, relative to the best fit's noise."""
     gravity = friction.gravity[:, np.newaxis] / links
     columns, torque = [], []
     for swing in swings:
@@ -179,6 +179,6 @@ def _misfit(
 
 
 def _squares(rows: Array, right: Array) -> Array:
-    """Return the squared residual (K,) of the best fit to each column of `right`."""
+    """Return the squared residual (K,) of the least-squares fit to each column of `right`."""
     q, _ = np.linalg.qr(rows)
     return np.asarray(((right - q @ (q.T @ right)) ** 2).sum(axis=0))

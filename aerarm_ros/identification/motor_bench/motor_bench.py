@@ -111,7 +111,7 @@ class MotorResult:
 
     @property
     def rotor_inertia_known(self) -> bool:
-        """Whether rotor and load inertia are separable."""
+        """Whether the rotor inertia is distinguishable from the inertia of the load."""
         found = self.rotor_inertia
         return found is not None and 0.0 < found[1] < _KNOWN * found[0]
 
@@ -122,7 +122,7 @@ _LARGEST_BACKLASH = 0.05  # [rad] largest assumed backlash of a joint
 def backlash_shifts(
     dynamics: Dynamics, posture: Array, joint: int, amplitude: float, acceleration: float
 ) -> Array:
-    """Return the largest shift of the oscillating link due to each joint's backlash, (n,) [rad].
+    """Return the largest shift (n,) [rad] of the oscillating link due to each joint's backlash.
 
     An accelerating joint causes torques at the other joints through their inertial coupling. A
     gear stays at its tooth flank if the gravity torque on it is larger than this coupling torque.
@@ -165,7 +165,7 @@ _STICKING = 0.1
 def fit_inertia(
     runs: Sequence[MotorRun], friction: MotorFriction, name: str
 ) -> tuple[float, float]:
-    """Return the inertia that a joint's drive accelerates, and its standard deviation [kg m^2].
+    """Return the inertia that a drive accelerates, and the standard deviation [kg m^2].
 
     The gravity torque is that of the velocity steps. Viscous and Coulomb friction are fitted
     again, because acceleration runs are faster than velocity steps. Torque and regressor pass the
@@ -209,7 +209,7 @@ def _long_enough(run: MotorRun) -> bool:
 
 
 def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
-    """Return ddq, dq, sgn(dq) and the torque without gravity, all low-pass filtered alike."""
+    """Return ddq, dq, sgn(dq) and torque without gravity, with the same low-pass filter."""
     # Local import, because scipy.signal takes longer to import than the rest of this module.
     from scipy.signal import butter, sosfiltfilt
 
@@ -314,7 +314,7 @@ class KnownMass:
 
 @dataclass(frozen=True, eq=False)
 class Earlier:
-    """Results of an earlier motor bench run, which was made without the known mass.
+    """Results of an earlier motor bench run, without the known mass.
 
     Attributes
     ----------
@@ -412,7 +412,7 @@ class MotorBench:
         )
         if result.inertia is not None and not result.rotor_inertia_known:
             self.warnings.append(
-                f'{drive.name}: rotor and load inertia are not separable '
+                f'{drive.name}: rotor inertia and load inertia are not separable '
                 f'({result.carried_inertia[0]:.3g} of {result.inertia[0]:.3g} kg m^2); measure '
                 'in a posture with less inertia about its axis, or measure the bare motor'
             )
@@ -446,15 +446,15 @@ class MotorBench:
         others = [self._config.joint_names[i] for i in np.flatnonzero(shift > _SHIFT)]
         if others:
             self.warnings.append(
-                f'{drive.name}: {", ".join(others)} may move within their backlash, so the result '
-                'may include it; choose a posture in which gravity presses their gears to one '
-                'side, or in which they do not move'
+                f'{drive.name}: {", ".join(others)} may move within their backlash, so '
+                'the measured backlash may include the backlash of these joints; choose a posture '
+                'in which gravity presses their gears to one side, or in which they do not move'
             )
         if not is_significant(found):
             self.warnings.append(
                 f'{drive.name}: backlash {1000.0 * found[0]:.1f} ± {1000.0 * found[1]:.1f} mrad is '
                 'not significant; for a more accurate result choose a posture with a large inertia '
-                'about this joint, in which gravity does not load its gear'
+                'about this joint, in which gravity does not load the gear'
             )
         elif is_largest((backlash, std)):
             self.warnings.append(
@@ -472,12 +472,13 @@ class MotorBench:
                 )
         elif self._earlier is None:
             raise IdentificationError(
-                'a mass on a mounted arm needs a run without it: measure without the mass first'
+                'a mass on a mounted arm needs a run without it: first measure without the mass'
             )
         elif np.abs(self._earlier.posture - self._posture).max() > _SAME_POSTURE:
             raise IdentificationError(
                 'the posture of the run without the mass, '
-                f'{self._earlier.posture.round(3).tolist()} rad, differs from this one, '
+                f'{self._earlier.posture.round(3).tolist()} rad, differs from the posture of this '
+                'run, '
                 f'{self._posture.round(3).tolist()} rad: choose the same posture'
             )
 
@@ -502,7 +503,7 @@ class MotorBench:
             return None
 
     def _known_gravity(self, robot: Robot, known: KnownMass, joint: int) -> Array:
-        """Return the known mass's part of a and b: its torque at 90 and at 0 degrees."""
+        """Return the known mass's part of the gravity coefficients a and b [Nm]."""
         alone, loaded = Dynamics(robot), Dynamics(_carrying(robot, known))
         values = []
         for angle in (0.5 * np.pi, 0.0):

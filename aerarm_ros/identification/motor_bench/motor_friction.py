@@ -11,7 +11,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class MotorBlocks:
-    """Mean motion and torque of a joint in each of B time blocks.
+    """Mean motion and mean torque of a joint in each of B time blocks.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ class MotorFriction:
 
     @property
     def std(self) -> Array:
-        """Standard deviations (5,) of viscous, coulomb, load, a, b."""
+        """Standard deviations (5,) of the coefficients viscous, coulomb, load, a, b."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def gravity_torque(self, q: Array) -> Array:
@@ -127,7 +127,7 @@ class MotorFriction:
         return np.asarray(np.column_stack([np.sin(q), np.cos(q)]) @ self.gravity)
 
     def load_torque(self, q: Array, dq: Array) -> Array:
-        """Return the gravity torque plus the friction that it causes in the gear [Nm]."""
+        """Return the gravity torque plus the gear friction that gravity causes [Nm]."""
         gravity = self.gravity_torque(q)
         return np.asarray(gravity + self.load * np.abs(gravity) * np.sign(dq))
 
@@ -187,7 +187,7 @@ def fit_motor_friction(
 
 
 def _columns(sine: Array, cosine: Array, dq: Array, gravity: Array) -> Array:
-    """Return the regressor columns of viscous, coulomb, load, a, b; (4.13) has the first two."""
+    """Return regressor columns of viscous, coulomb, load, a, b; thesis (4.13) has two of these."""
     sign = np.sign(dq)
     load = np.abs(gravity[0] * sine + gravity[1] * cosine)
     return np.column_stack([dq, sign, load * sign, sine, cosine])
@@ -233,8 +233,8 @@ def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
     ]
     if still:
         raise IdentificationError(
-            f'{name}: the joint does not reach {still[0]:.3g} rad/s; check that it is free to '
-            'move and that its velocity loop is not saturated'
+            f'{name}: the joint does not reach {still[0]:.3g} rad/s; check that the joint is free '
+            'to move and that its velocity loop is not saturated'
         )
     if not (dq.min() < 0.0 < dq.max()):
         raise IdentificationError(

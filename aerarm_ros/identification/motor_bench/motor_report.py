@@ -37,8 +37,8 @@ _HEADER = """\
 """
 
 _CONFIG_HEADER = """\
-# The arm's configuration with the values that the motor bench has measured. All other values
-# are copied from the original configuration, which also has the comments.
+# The arm's configuration with the values that the motor bench has measured. All other values are
+# copied from the original configuration. Comments are omitted.
 """
 
 # Effort limits are rounded down to multiples of this, to stay below the motor's torque [Nm].
@@ -91,7 +91,7 @@ def _pair(value: tuple[float, float]) -> list[float]:
 
 
 def load_earlier(path: Path) -> Earlier:
-    """Read the results of a run without the known mass from its motor_bench.yaml.
+    """Read the results of a run without the known mass from a motor_bench.yaml.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult])
 
 
 def _measured(result: MotorResult) -> dict[str, float]:
-    """Return the measured motor parameters that are accurate enough for a configuration."""
+    """Return the measured motor parameters that are accurate enough for the configuration file."""
     measured = {}
     if result.rotor_inertia is not None and result.rotor_inertia_known:
         measured['rotor_inertia'] = result.rotor_inertia[0]
@@ -185,7 +185,7 @@ _HEADINGS = (
 
 
 def bench_table(results: Sequence[MotorResult]) -> str:
-    """Return a table like 4.3 of the thesis, with standard deviations, for the terminal."""
+    """Return a table like thesis table 4.3, with standard deviations, for the terminal."""
     return text_table([_HEADINGS, *map(_cells, results)])
 
 
@@ -199,8 +199,8 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
     """
     how = (
         'The drives were mounted in the arm. The fit includes gravity, g(q) = a sin q + b cos q '
-        'for each joint, and the load-dependent gear friction. Both are subtracted from the '
-        'plotted torques.'
+        'for each joint, and the load-dependent gear friction. The plots show torque without '
+        'gravity torque and without load-dependent friction.'
         if mounted
         else 'The motors were bare, so gravity caused no torque.'
     )
@@ -209,8 +209,8 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
         bullets(warnings, 'warnings') if warnings else '',
         section('Parameters', table(_HEADINGS, map(_page_row, results))),
         paragraph(
-            'b_eq and J_m are motor-side values, f is a joint-side value. J_m in brackets '
-            'cannot be separated from the inertia of the load. K_i and R in brackets are '
+            'b_eq and J_m are motor-side values, f is a joint-side value. A J_m in brackets may '
+            'include inertia of the load. K_i and R in brackets are '
             'configured values. R is the resistance of one phase, from the voltages that the '
             'board reports. The backlash at the joint is estimated from the sinusoidal swings; a '
             'backlash in brackets is not significant.',
@@ -246,7 +246,7 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
 
 
 def _page_row(result: MotorResult) -> list[str]:
-    """Return the table cells of one drive for the page, in which numbers do not wrap."""
+    """Return the table cells of one drive for the page; numbers do not wrap in the cells."""
     joint, motor, *numbers = _cells(result)
     return [joint, motor, *map(Html, numbers)]
 
@@ -256,7 +256,7 @@ def _with_std(value: tuple[float, float]) -> str:
 
 
 def _figure(results: Sequence[MotorResult]) -> Html:
-    """Return a figure like 4.4: measured torques and fit over speed, one plot per drive."""
+    """Return a figure like thesis figure 4.4: torque and fit over speed, one plot per drive."""
     rows = tuple(f'{result.joint} ({result.motor}) τ_m' for result in results)
     figure = StackedFigure(rows, 'Nm', 'ω_m [rad/s]')
     for row, result in enumerate(results):

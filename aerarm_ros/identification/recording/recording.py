@@ -23,7 +23,7 @@ _MISSED_MAX = 0.01
 
 @dataclass(frozen=True)
 class BagFacts:
-    """Facts about a recorded bag: used part, lost messages and missed cycles.
+    """Facts about a bag for the report: used part, lost messages and missed cycles.
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str]
 
 
 def moving_span(time: Array, q: Array) -> tuple[slice, str]:
-    """Return the rows from the first to the last motion, with a short margin before and after."""
+    """Return the rows from the start of the first to the end of the last motion, with a margin."""
     # made monotonic, because another check reports times that run backwards
     time = np.maximum.accumulate(time)
     ends = [end for column in q.T if (end := _ends_of_motion(column)) is not None]
@@ -202,7 +202,7 @@ def moving_span(time: Array, q: Array) -> tuple[slice, str]:
 
 
 def _ends_of_motion(q: Array) -> tuple[int, int] | None:
-    """Return the rows in which a joint leaves its first position and reaches its last."""
+    """Return the rows at which the motion begins and ends; None without motion."""
     finite = np.isfinite(q)
     if not finite.any():
         return None
@@ -219,8 +219,9 @@ def _longest_travel(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice
     travel = [_travel(q[run]) for run in runs]
     if not travel or max(travel) < _SMALLEST_MOTION:
         return None
-    others = f', the longest motion of {len(runs)}' if len(runs) > 1 else ''
-    return runs[int(np.argmax(travel))], reason + others
+    if len(runs) > 1:
+        reason = f'{reason}, the longest of {len(runs)} motions'
+    return runs[int(np.argmax(travel))], reason
 
 
 def _travel(q: Array) -> float:
@@ -236,7 +237,7 @@ _LARGEST = 1e6  # [rad], [rad/s], [Nm]: beyond any arm, with finite squares
 
 
 class JointStates(Protocol):
-    """Joint state messages of one topic as arrays, with NaN for empty fields."""
+    """Joint states of one topic as arrays, with NaN for empty message fields."""
 
     @property
     def names(self) -> Sequence[str]:
@@ -422,7 +423,7 @@ def recording_from_states(
 def _used_rows(
     states: JointStates, order: Array, commanded: tuple[slice, str] | None
 ) -> tuple[slice, str]:
-    """Return the messages of the arm's motion, and the reason why they were chosen."""
+    """Return the rows of the messages to use, and the reason for the choice."""
     part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
     moving, how = moving_span(states.stamp[part], states.position[part][:, order])
     if how != 'motion' and commanded is None:
@@ -445,7 +446,7 @@ def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: Join
 
 
 def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
-    """Return rows and columns of an array; the array itself if these are all of it."""
+    """Return selected rows and columns of an array; if all are selected, the array itself."""
     whole = all(
         np.array_equal(index, np.arange(size))
         for index, size in zip((rows, columns), values.shape, strict=True)

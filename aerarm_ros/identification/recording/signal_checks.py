@@ -51,7 +51,7 @@ def without_spikes(bag: str, joints: Sequence[str], tau: Array) -> tuple[Array, 
 def saturated_effort(
     bag: str, joints: Sequence[str], q: Array, tau: Array
 ) -> tuple[Mask | None, list[str]]:
-    """Return the samples in which efforts stay at their limit while the joint moves, and warnings.
+    """Return a mask of samples with the effort at its limit while the joint moves, and warnings.
 
     Parameters
     ----------
@@ -76,8 +76,8 @@ def saturated_effort(
             mask[:, index] = False
         elif share > 0.0:
             warnings.append(
-                f'{bag}: the effort of {joint} is saturated for {100.0 * share:.2g} % of the time; '
-                'these samples are ignored; record a slower motion'
+                f'{bag}: the effort of {joint} is saturated for {100.0 * share:.2g} % of the '
+                'time, and the identifier ignores these samples; record a slower motion'
             )
     return (mask if mask.any() else None), warnings
 
@@ -95,7 +95,7 @@ def _spikes(column: Array) -> Mask:
 
 
 def _held(at_limit: Mask, q: Array) -> Mask:
-    """Return the samples in long runs at the effort limit, during which the joint moves."""
+    """Return a mask of samples in long runs at the effort limit, during which the joint moves."""
     held = np.zeros(len(at_limit), dtype=bool)
     if at_limit.sum() < max(_HELD, _HELD_SHARE * len(at_limit)):
         return held
@@ -178,7 +178,8 @@ def usable_messages(
     if repeated > _TOLERATED_SHARE * len(stamp):
         first = _when(stamp[order[np.flatnonzero(step <= 0.0)[0]]], stamp, begin)
         raise IdentificationError(
-            f'{repeated} of {len(stamp)} stamps of {bag} are repeated, first at {first}: {_ADVICE}'
+            f'{repeated} of {len(stamp)} stamps of {bag} repeat an earlier stamp, first at '
+            f'{first}: {_ADVICE}'
         )
     warnings = _check_order(bag, stamp)
     _check_gaps(bag, stamp[order], step, begin)
@@ -210,12 +211,12 @@ def _check_gaps(bag: str, stamp: Array, step: Array, begin: float | None) -> Non
         when = _when(float(stamp[worst]), stamp, begin)
         raise IdentificationError(
             f'{bag} has no joint states for {step[worst]:.3f} s at {when}, because the recorder '
-            'lost messages or the clock was set: record again'
+            'lost messages or a clock was set: record again'
         )
 
 
 def _when(instant: float, stamp: Array, begin: float | None) -> str:
-    """Return a text with the time of an event in the bag, and in its used part."""
+    """Return a text with the time of an event in the bag and in the used part of the bag."""
     used = f'{instant - stamp[0]:.2f} s'
     if begin is None or begin == stamp[0]:
         return f'{used} of the bag'
@@ -264,16 +265,16 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
     ratio = None if dq is None else _speed_ratio(time, q, dq)
     if ratio is None or 1.0 / _FACTOR < ratio < _FACTOR:
         return
-    text = f'{bag}: velocities are {ratio:.3g} times the rate at which positions change'
     unit = next((u for u, of, near in _VELOCITY_UNITS if abs(ratio / of - 1.0) < near), None)
     if unit is not None:
-        text += f', so they look like {unit}, while positions are in rad'
+        cause = f'the velocities look like {unit}, while positions are in rad'
     elif ratio > 1.0:
-        text += f', so stamps run {ratio:.3g} times too slow'
+        cause = f'stamps run {ratio:.3g} times too slow'
     else:
-        text += f', so stamps run {1.0 / ratio:.3g} times too fast'
+        cause = f'stamps run {1.0 / ratio:.3g} times too fast'
     raise IdentificationError(
-        f'{text}; check the column of the table, or the node that publishes the topic'
+        f'{bag}: velocities are {ratio:.3g} times the rate at which positions change, so {cause}; '
+        'check the column of the table, or the node that publishes the topic'
     )
 
 

@@ -26,7 +26,7 @@ WORDS = {
     'effort': ('effort', 'efforts', 'eff', 'torque', 'torques', 'tau'),
     'current': ('current', 'currents', 'actual_current', 'i'),
 }
-"""Accepted names of joint quantities; currents serve as efforts if there are no others."""
+"""Accepted names of joint quantities; currents replace missing efforts."""
 
 _DEGREE = np.pi / 180.0
 # Factors to s, rad or m, rad/s or m/s, Nm or N; to A for currents.
@@ -97,7 +97,7 @@ def accepted_names() -> str:
 
 
 def first_number(numbers: Iterable[int], joints: int) -> int | None:
-    """Return the number of the first joint in column names, 0 or 1; None if undetermined.
+    """Return the number (0 or 1) of the first joint in column names; None if undetermined.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def unit_factor(name: str, quantity: str, unit: str) -> float:
 
 
 def _without_path(name: str) -> Iterator[str]:
-    """Yield candidate column names: the whole name, and the end of a topic-like path."""
+    """Yield candidate column names: the whole name, and the last parts of a topic-like path."""
     parts = name.split('/')
     if name.startswith('/'):
         yield parts[-1]
@@ -195,7 +195,7 @@ _LARGEST = 2**30  # bytes of an unpacked file: three times 40 min of 7 joints at
 
 @contextmanager
 def table_errors(path: Path, largest: int, kind: type[ValueError]) -> Iterator[None]:
-    """Raise errors of type `kind`, with one-line messages, while a table is read.
+    """Convert errors while a table is read to errors of type `kind` with one-line messages.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def table_errors(path: Path, largest: int, kind: type[ValueError]) -> Iterator[N
 def column_names(
     path: Path, file: TextIO, example: str, kind: type[ValueError]
 ) -> tuple[list[str], str | None]:
-    """Return the column names in the first line of a CSV file, and the delimiter.
+    """Return the column names from the first line of a CSV file, and the delimiter.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def read_table(
 
 
 _Columns = dict[tuple[str, str], Array]
-"""Values in SI units by quantity and joint; the time has the key ('time', '')."""
+"""Columns in SI units, by quantity and joint; the time has the key ('time', '')."""
 _Sources = dict[tuple[str, str], str]
 """Names of columns or arrays in the file, by quantity and joint."""
 
@@ -394,7 +394,7 @@ def _numbered(
     joint_names: Sequence[str],
     options: TableOptions,
 ) -> dict[int, TableColumn]:
-    """Return the numbered columns, completed by the names of their joints."""
+    """Return the columns; a numbered column receives the name of its joint."""
     named: dict[int, TableColumn] = {}
     for is_index in (False, True):
         group = {
@@ -450,7 +450,7 @@ def _npz(
         same = [key for key in words if key in arrays]
         if len(same) > 1:
             raise IdentificationError(
-                f'arrays {" and ".join(same)} of {path} are the same quantity: remove one'
+                f'arrays {" and ".join(same)} of {path} contain the same quantity: remove one'
             )
     for key, array in arrays.items():
         if key in _NAMES:
@@ -472,7 +472,7 @@ def _npz(
 
 
 def _without_currents(columns: _Columns) -> _Columns:
-    """Return the columns; currents are used as efforts of joints without a column of efforts."""
+    """Return the columns; for a joint without a column of efforts, currents serve as efforts."""
     kept = {key: values for key, values in columns.items() if key[0] != 'current'}
     for (quantity, joint), values in columns.items():
         if quantity == 'current':

@@ -1,4 +1,4 @@
-"""Base parameters that a motion identifies, thesis sections 3.2.1 and 5.3, with noise and prior."""
+"""Base parameters that a motion identifies (thesis sections 3.2.1, 5.3), noise and prior."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ class BaseParameters:
         return np.asarray(theta[self.independent] + self.combination @ theta[self.dependent])
 
     def complete(self, values: Array, reference: Array) -> Array:
-        """Return the parameter vector with given base parameters, completed from a reference.
+        """Return a parameter vector with the given base parameters; see `reference` for the rest.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class BaseParameters:
 
 
 def find_base_parameters(factor: Array, columns: Sequence[str]) -> BaseParameters:
-    """Separate independent from dependent columns of a triangular factor.
+    """Find the independent columns of a triangular factor, and combinations for the others.
 
     Columns are orthogonalized in order; a column that is a combination of earlier ones is
     dependent. The parameters of later links are therefore combined into those of earlier links.
@@ -198,7 +198,7 @@ def noise_from_residuals(
 
 
 def _correlation_time(residual: Array) -> float:
-    """Return the integrated autocorrelation time [samples]; the sum ends at five times its value.
+    """Return the integrated autocorrelation time [samples], with a window of five times this time.
 
     The length of the sum is that of Sokal: a longer sum adds noise, and a shorter sum truncates
     the correlation.
@@ -222,7 +222,7 @@ _TERM_SPREAD = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Prior: independent, deliberately wide normal distributions of the parameters.
+    """Prior of the parameters: independent, deliberately wide normal distributions.
 
     The prior determines parameter combinations that the motion does not excite; the data dominate
     all other combinations.

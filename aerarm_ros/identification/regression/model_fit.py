@@ -52,7 +52,7 @@ def posterior_covariance(system: TriangularSystem, prior: Prior) -> Array:
 
 
 class RegressionBank:
-    """Identification bags, reduced to small triangular factors for quick fits of models.
+    """Identification bags in the form of small triangular factors, for quick fits of models.
 
     A joint's terms act only on its own torque, so its rows need only the links' columns and its own
     candidate terms. The bank stores one factor per joint and part of the motion.
@@ -137,7 +137,7 @@ _ROUNDS = 2  # noise and fit depend on each other; two rounds are sufficient
 
 @dataclass(frozen=True, eq=False)
 class ModelFit:
-    """Regression of a model, its prior and its torque noise, from which each solver starts.
+    """Regression, prior and torque noise of a model; the input of every solver.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class ModelFit:
 
     @property
     def inertial(self) -> Array:
-        """Inertial parameters (10 n,) of `theta`."""
+        """Inertial parameters (10 n,) of the links, from `theta`."""
         return self.theta[: 10 * self.model.n]
 
     @cached_property

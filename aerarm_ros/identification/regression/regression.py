@@ -15,7 +15,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Torque of a bag predicted by a parameter vector.
+    """Predicted torque of a bag, for one parameter vector.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Prediction:
 
 
 class SampleColumns:
-    """Regressor (3.6) along one bag, filtered like the torque ("parallel filtering").
+    """Regressor (thesis 3.6) of one bag, with the filter of the torque ("parallel filtering").
 
     The torque balance holds for filtered torque only if every column passes the same filter
     (Gautier, ICRA 1997). The columns contain higher frequencies than the motion, because they are
@@ -62,7 +62,7 @@ class SampleColumns:
         self.weights = np.ones(samples.n)
 
     def with_samples(self, samples: Samples) -> 'SampleColumns':
-        """Return a copy of the bag with the torques of `samples`; the motion must be the same."""
+        """Return a copy of the bag with the torques of `samples`, which has the same motion."""
         other = copy(self)
         other.samples = samples
         return other
@@ -108,7 +108,9 @@ class SampleColumns:
         """
         if term.kind is TermKind.LOAD:
             if inertial is None:
-                raise ValueError('load-dependent friction needs inertial parameters')
+                raise ValueError(
+                    'load-dependent friction needs the inertial parameters of the links'
+                )
             return self._load_columns(term, inertial)
         if term not in self._cache:
             columns = self.motion.whole(self._term_columns(term))
@@ -116,7 +118,7 @@ class SampleColumns:
         return self._cache[term]
 
     def predict(self, model: JointModel, theta: Array) -> Prediction:
-        """Return the torque predicted by a parameter vector, whose links also determine the load.
+        """Return the torque predicted by `theta`; the links in `theta` also determine gear loads.
 
         Parameters
         ----------
@@ -193,7 +195,7 @@ class SampleColumns:
 
 @dataclass(frozen=True, eq=False)
 class TriangularSystem:
-    """Triangular least-squares problem `min ||R theta - z||` that replaces one with many rows.
+    """Triangular problem `min ||R theta - z||`, equivalent to least squares with many rows.
 
     Attributes
     ----------
@@ -267,7 +269,7 @@ class ReducedRegression:
         return np.array([np.linalg.norm(factor @ extended) for factor in self.factors])
 
     def error(self, theta: Array) -> float:
-        """Return the torque error (5.3) over all rows [%], for parameters `theta`."""
+        """Return the torque error, thesis (5.3), over all rows [%], for parameters `theta`."""
         residual, torque = self.residual_norms(theta), self.torque_norms
         return float(100.0 * np.linalg.norm(residual) / np.linalg.norm(torque))
 

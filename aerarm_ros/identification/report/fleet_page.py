@@ -109,7 +109,8 @@ def fleet_page(rows: Sequence[Row]) -> str:
 
 _DRIFT = (
     'Each line is fitted to the values of one arm over the dates of its bags, weighted by their '
-    'standard deviations. The column "change" is the change from the first to the last bag. '
+    'standard deviations. The column "change" contains the change along this line from the first '
+    'to the last bag. '
     'Friction that changes with the gear temperature looks like drift, so record at the same '
     'temperature.'
 )
@@ -176,7 +177,7 @@ def _parameters(rows: Sequence[Row]) -> list[str]:
 
 
 def _column(rows: Sequence[Row], name: str) -> tuple[Array, Array]:
-    """Return values and standard deviations of a parameter (bags,), NaN for bags without it."""
+    """Return values and standard deviations (bags,) of a parameter; NaN for bags that lack it."""
     return tuple(  # type: ignore[return-value]
         np.array([np.nan if row.get(key) is None else row[key] for row in rows], dtype=float)
         for key in (name, name + STD)
@@ -188,7 +189,7 @@ def _days(row: Row) -> float:
 
 
 def _figure(rows: Sequence[Row], name: str, identifier: str) -> Html:
-    """Return a figure of a parameter of each arm, over the dates or numbers of the arm's bags."""
+    """Return a figure of one parameter of all arms, over the dates or numbers of the bags."""
     traces = []
     for arm in dict.fromkeys(str(row['arm']) for row in rows):
         own = sorted((row for row in rows if row['arm'] == arm), key=lambda r: str(r['date']))

@@ -359,13 +359,13 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
 
 
 _METRIC = (
-    'Torque error of thesis (5.3): 100 |τ − Φθ| / |τ| over all joints, in percent. Filtered: '
-    'measured torque and prediction have passed the same zero-phase low-pass. Measured filtered: '
-    'only the measured torque has passed the low-pass, as in most publications. Raw: torque as '
-    'recorded.'
+    'Torque error of thesis (5.3): 100 |τ − Φθ| / |τ| over all joints, in percent, with measured '
+    'torque τ and predicted torque Φθ. Filtered: both torques are filtered by the same zero-phase '
+    'low-pass. Measured filtered: only the measured torque is filtered, as in most publications. '
+    'Raw: no torque is filtered.'
 )
 _THESIS = (
-    'solver of the thesis, (3.11) with (3.9), (3.12), (3.13), which does not ensure physically '
+    'solver of the thesis, (3.11) with (3.9), (3.12) and (3.13), which does not ensure physically '
     'consistent links'
 )
 _SOLVERS = {
@@ -377,37 +377,39 @@ _SOLVERS = {
     'slsqp': f'{_THESIS}, by sequential quadratic programming',
     'annealing': f'{_THESIS}, by simulated annealing',
     'entropic': 'like sdp, but with an entropic prior that keeps links solid',
-    'output_error': 'sdp, with joint coefficients fitted to simulated positions',
+    'output_error': 'like sdp, but with joint coefficients for which simulated positions match the '
+    'measured positions',
     'sdp': 'semidefinite program with physically consistent links, close to CAD where the motion '
     'gives no information',
 }
 _ENERGY = (
-    'Energy balance of each bag. Winding heat, 3/2 R i², uses the configured resistances. '
-    'Friction, lifting and motion use the identified model. The rest is unexplained work, '
-    "braking energy, and the boards' consumption. The sum is the supplied energy. Torque is "
-    'filtered, so ripple above the cutoff is missing.'
+    'Energy balance of each bag. Winding heat, 3/2 R i², is computed with the configured '
+    'resistances. Friction, lifting and motion are computed with the identified model. The rest '
+    "is unexplained work, braking energy, and the boards' consumption. The sum is the supplied "
+    'energy. The torque is filtered, so the balance lacks torque ripple above the cutoff.'
 )
 _RESIDUAL = (
-    'Causes of the filtered residual of sdp, in percent of its mean square. Noise: filtered white '
-    'noise with the level of the upper half of the recorded spectra. The other causes: variance '
-    'that the typical torque of the cause explains in held-out parts of the bag. The residual does '
-    'not contain causes that the identifier corrects, such as an estimated delay.'
+    'Causes of the filtered torque residual of the solver sdp, in percent of the mean square of '
+    'the residual. Noise: filtered white noise with the level of the upper half of the recorded '
+    'spectra. Other causes: fraction of held-out parts of the bag that the typical torque of the '
+    'cause explains. Effects that the identifier corrects, such as an estimated delay, are not '
+    'part of the residual.'
 )
 _EXPORTS = (
-    'Filtered torque error of the model in each written file, on the same bags. The formats '
-    'differ: only estimate.yaml contains offsets and friction beyond (2.6), URDF contains no '
-    'rotors, URDF and SDF contain no gravity.'
+    'Filtered torque error of the model in each written file, on the same bags. The file formats '
+    'contain different terms. Only estimate.yaml contains offsets and friction beyond thesis '
+    '(2.6). URDF contains no rotors. URDF and SDF contain no gravity.'
 )
 _TRUTH = (
-    'Torque of links and rotors along each motion, compared with the torque of the simulated '
-    "arm's true parameters. Measured torque is current times the nominal torque constant, and no "
-    'data can reveal an error of this constant. Therefore the true torque is scaled by that '
-    'error; the last column compares without this scaling.'
+    'Error of the estimated torque of links and rotors along each motion, relative to the torque '
+    'with the true parameters of the simulated arm. Measured torque is current times the nominal '
+    'torque constant, and no data can reveal an error of this constant. Therefore the true torque '
+    'is scaled by the error of the constant. The last column shows the error without this scaling.'
 )
 _ROLLOUTS = (
     'Simulation of the arm with the measured torque, from the measured state at the start of each '
-    'window. Columns: RMS position error of each joint over all windows, and error of all joints '
-    'relative to their motion. A dash means that the simulation diverges.'
+    'time window. Columns: RMS position error of each joint over all windows, and error of all '
+    'joints relative to their motion. A dash means that the simulation diverges.'
 )
 _BOXES = (
     'Homogeneous boxes with the mass and inertia of each link, as in thesis figure 5.2c, in the '
@@ -415,16 +417,16 @@ _BOXES = (
     'hide its boxes.'
 )
 _PARAMETERS = (
-    "Parameters in the frame of each link's joint, in the order of thesis (3.3), (3.5). From data: "
-    '0 % if only the CAD prior determines the value, 100 % if only the measured torque does. In a '
-    'sum: the torque depends only on a sum of this and other parameters; the CAD prior determines '
-    'the single values. Unidentifiable parameters of ols have CAD values.'
+    "Parameters in the frame of each link's joint, in the order of thesis (3.3) and (3.5). From "
+    'data: 0 % if only the CAD prior determines the value, 100 % if only the measured torque does. '
+    'In a sum: the torque depends only on a sum of this and other parameters, so the CAD prior '
+    'determines the single values. Column ols: unidentifiable parameters have CAD values.'
 )
 _BASE = (
     'Parameter combinations that determine the torque, each named after its first parameter. '
-    'Standard deviations follow from the data alone and include correlated residuals. Excitation '
-    "is the ratio of the CAD prior's standard deviation to that of the data; below about 3 the "
-    'motion contains little information.'
+    'Standard deviations follow from the data alone, and account for correlated residuals. '
+    "Excitation is the standard deviation of the CAD prior divided by the data's standard "
+    'deviation. Below about 3, the motion contains little information about the parameter.'
 )
 _INTERVALS = (
     'The figure shows the distance from CAD in standard deviations of the prior. Bars are 95 % '
@@ -432,26 +434,25 @@ _INTERVALS = (
     'excite the parameter.'
 )
 _FRICTION = (
-    'Points are measured torque minus the torque of links and rotors, filtered like the torque, '
-    'which smooths the step at standstill. The line is the model, at the median load if friction '
-    'depends on the load.'
+    'Points are measured torque minus the modelled torque of links and rotors, both low-pass '
+    'filtered. The filter smooths the friction step at standstill. The line is the friction model, '
+    'at the median load if friction depends on the load.'
 )
 _TRUE_PARAMETERS = (
-    'True: values of the simulated arm. The identified values include the errors of the torque '
-    'constants, so even an exact estimate differs from the true values.'
+    'True: parameters of the simulated arm. The identified values include the errors of the torque '
+    'constants, so even an estimate without error differs from the true values.'
 )
 _TRUE_BASE = (
     'True: parameter of the simulated arm. As measured: result of the same weighted least-squares '
-    'fit for the true torque without noise, multiplied by the error of each torque constant. A '
-    'parameter of a single joint scales with the factor of this joint; a parameter of several '
-    'joints has no single factor. Standard deviations include only noise. A deviation far beyond 3 '
-    'means that the model lacks a term, for example friction at reversal, or a delay between angle '
-    'and torque. A dash means that the true arm has no such parameter.'
+    'fit to the true torque without noise, multiplied by the error of each torque constant. '
+    'Standard deviations account only for noise. A deviation far beyond 3 means that the model '
+    'lacks a term, for example friction at reversal, or a delay between angle and torque. A dash '
+    'means that the simulated arm has no such parameter.'
 )
 _EXCITATION = (
-    'Range of each bag relative to the identification motion, and uncertainty of the predicted '
-    'torque due to the parameters. If this uncertainty exceeds the noise, the torque of the bag '
-    'depends on parameters that the identification motion did not excite.'
+    "Excess of each bag's motion over the range of the identification motion, and uncertainty of "
+    'the predicted torque due to uncertain parameters. If this uncertainty exceeds the noise, the '
+    'torque of the bag depends on parameters that the identification motion did not excite.'
 )
 
 
@@ -490,8 +491,9 @@ def _headline(result: IdentificationResult) -> str:
     return (
         f'Torque error of the identified model on {which}: {found.filtered:.2f} % filtered '
         f'({found.filtered_measured:.2f} % with only the measured torque filtered, '
-        f'{found.raw:.2f} % raw). For comparison, filtered: {cad_error:.2f} % with the CAD '
-        f'model, {drawn_error:.2f} % with the CAD model and identified friction{better}. The '
+        f'{found.raw:.2f} % without filter). For comparison, the filtered error is '
+        f'{cad_error:.2f} % with the CAD model, and {drawn_error:.2f} % with the CAD model and '
+        f'identified friction{better}. The '
         f'identified model is {"" if consistent else "not "}physically consistent.'
     )
 

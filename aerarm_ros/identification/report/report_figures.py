@@ -47,7 +47,7 @@ _POINTS, _FEWEST = 2400, 200
 
 
 def points(result: IdentificationResult) -> int:
-    """Return the number of points of a curve over time, which falls with the number of bags."""
+    """Return the number of points per curve over time; with more bags, each curve has fewer."""
     bags = len(result.identification) + len(result.validation)
     return max(_FEWEST, min(MOST_POINTS, _POINTS // bags))
 
@@ -137,7 +137,7 @@ def friction_figure(result: IdentificationResult) -> StackedFigure:
         speed = float(np.abs(dq).max(initial=1e-3)) * np.linspace(-1.0, 1.0, _CURVE)
         carried = np.full(_CURVE, float(np.median(load)) if len(load) else 0.0)
         curve = sum((v * t.basis(speed, carried, carried) for t, v in own), np.zeros(_CURVE))
-        figure.add(joint, speed, curve, 'sdp, at the median load', 'predicted')
+        figure.add(joint, speed, curve, 'solver sdp, at the median load', 'predicted')
         drawn = result.cad.viscous[joint] * speed + result.cad.coulomb[joint] * np.sign(speed)
         figure.add(joint, speed, drawn, 'CAD', 'reference', 'dot')
     return figure

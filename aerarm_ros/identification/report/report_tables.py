@@ -26,14 +26,14 @@ _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
 
 def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
-    """Return the assessment of each bag, with its role (identification or validation)."""
+    """Return the torque errors of each bag, with the bag's role (identification or validation)."""
     return [('identification', bag) for bag in solution.identification] + [
         ('validation', bag) for bag in solution.validation
     ]
 
 
 def error_table(result: IdentificationResult) -> Html:
-    """Return table 5.1 of the thesis: torque errors (5.3) of every solver on every bag."""
+    """Return table 5.1 of the thesis: torque errors of every solver on every bag."""
     bags = bags_of(result.recommended)
     headings: list[object] = ['solver']
     for role, bag in bags:
@@ -56,14 +56,14 @@ def error_table(result: IdentificationResult) -> Html:
 
 
 def export_table(result: IdentificationResult, exports: Sequence[ExportError]) -> Html:
-    """Return the table of torque errors (5.3) of each exported file on every bag."""
+    """Return the table of torque errors of each exported model file on every bag."""
     bags = [f'{bag.bag} ({role}) [%]' for role, bag in bags_of(result.recommended)]
     rows: list[list[object]] = [[e.file, e.contents, *e.filtered] for e in exports]
     return table(['file', 'file format', *bags], rows)
 
 
 def joint_error_table(result: IdentificationResult) -> Html:
-    """Return the table of torque errors (5.3) per joint; a click shows those of other solvers."""
+    """Return the table of torque errors per joint; a click shows the other solvers."""
     names = [f'{name} [%]' for name in result.robot.joint_names]
     shown: list[list[object]] = []
     rows: list[list[object]] = []
@@ -101,7 +101,7 @@ def residual_table(result: IdentificationResult) -> Html:
 
 
 def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
-    """Return table A.1 of the thesis: every parameter, compared with its value in CAD."""
+    """Return table A.1 of the thesis: every parameter, compared with the CAD value."""
     estimate = result.recommended.estimate
     cad, ols = (result.solutions[name].estimate.theta for name in ('cad', 'ols'))
     units = list(_RIGID_UNITS) * result.robot.n
@@ -141,7 +141,7 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
         headings += [
             'true',
             'true, as measured',
-            'sdp minus true as measured, in standard deviations',
+            'sdp minus "true as measured", in standard deviations',
         ]
         true = truth.base_values(result.fit, base)
         shown = truth.measured_base_values(result.fit, base)
@@ -264,7 +264,7 @@ def energy_table(balances: Mapping[str, EnergyBalance], joint_names: Sequence[st
 
 def excitation_table(result: IdentificationResult) -> Html:
     """Return the table of each bag's motion range and excitation, per joint."""
-    headings = ['bag', 'joint', 'beyond the identified range: q [%]', 'dq [%]', 'ddq [%]']
+    headings = ['bag', 'joint', 'beyond the identification range: q [%]', 'dq [%]', 'ddq [%]']
     headings += ['uncertainty of predicted torque [Nm]', 'noise [Nm]']
     rows: list[list[object]] = []
     for demand in result.demands:
@@ -300,8 +300,8 @@ def friction_tables(result: IdentificationResult) -> Html:
         + folded(
             'Comparison by cross-validation within the identification bags',
             paragraph(
-                'Each fifth of the motion was predicted from the other four. Bold: chosen in '
-                'that step.',
+                'Each fifth of the motion was predicted from the other four. Bold: terms chosen '
+                'in the step.',
                 'note',
             ),
             table(headings, tried, best),

@@ -18,7 +18,7 @@ LARGEST_LOAD_FRICTION = 1.0
 
 @dataclass(frozen=True, eq=False)
 class PhysicalLimits:
-    """Limits that physically consistent parameters satisfy.
+    """Limits of physically consistent parameters.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class PhysicalLimits:
 
     @property
     def total_mass(self) -> Array:
-        """Lower and upper bound (2,) of the total mass of all links (3.13) [kg]."""
+        """Lower and upper bound (2,) of the total mass of all links [kg], thesis (3.13)."""
         if self.bounds.total_mass is not None:
             return np.array(self.bounds.total_mass)
         return self.total_of_links
@@ -129,7 +129,7 @@ class Estimate:
 
     @property
     def held_at_zero(self) -> npt.NDArray[np.bool_]:
-        """For each parameter (p,), whether it is a joint coefficient at its bound 0."""
+        """Mask (p,) of the parameters that are joint coefficients at the lower bound 0."""
         start = 10 * self.model.n
         held = np.zeros(len(self.theta), dtype=bool)
         if self.std is not None:

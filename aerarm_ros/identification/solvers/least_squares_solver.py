@@ -92,7 +92,7 @@ def solve_huber(
 
 
 def _reweighted(fit: ModelFit, bags: Sequence[SampleColumns], theta: Array) -> TriangularSystem:
-    """Return the least-squares problem with rows weighted by their residuals at `theta`."""
+    """Return the problem with weights of the rows that depend on the residuals at `theta`."""
     residuals = [
         bag.weights * np.abs(bag.samples.tau - bag.predict(fit.model, theta).filtered)
         for bag in bags

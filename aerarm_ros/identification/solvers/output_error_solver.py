@@ -1,4 +1,4 @@
-"""Solver that fits joint coefficients to simulated positions (output error), with fixed links."""
+"""Solver that fits joint coefficients so that simulated positions match measured positions."""
 
 import numpy as np
 
@@ -90,7 +90,7 @@ class _Trial:
         return total if np.isfinite(total) else np.inf
 
     def step(self, weight: Array, start: Array, std: Array, least: Array) -> Array:
-        """Return the Gauss-Newton step (k,) of the parameters that all parts share."""
+        """Return a Gauss-Newton step (k,) of the parameters, from all parts of the motion."""
         # Local import, because the import is slow and few users need this solver.
         from scipy.optimize import lsq_linear
 

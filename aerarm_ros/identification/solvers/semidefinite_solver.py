@@ -59,7 +59,7 @@ class CompressedColumns:
 
 
 class ConeProgram:
-    """Cone program: quadratic objective over unknowns y, with each `offset - rows y` in a cone.
+    """Cone program: quadratic objective in unknowns y; each `offset - rows y` lies in a cone.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ class PhysicalProgram(ConeProgram):
 
 
 def _mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which limits the masses to a factor of CAD."""
+    """Return G, h of G x + h >= 0: each mass is within a factor of its CAD value."""
     n = len(limits.mass)
     rows, offsets = np.zeros((2, n, len(prior.mean))), np.empty((2, n))
     links, masses = np.arange(n), 10 * np.arange(n)
@@ -228,7 +228,7 @@ def _mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
 
 
 def _total_mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which limits the sum of the masses to its range (3.13)."""
+    """Return G, h of G x + h >= 0: the total mass is in its range, thesis (3.13)."""
     masses, unit = 10 * np.arange(len(limits.mass)), limits.mass.sum()
     row = np.zeros(len(prior.mean))
     row[masses] = prior.std[masses] / unit
@@ -238,7 +238,7 @@ def _total_mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Arr
 
 
 def _centre_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which limits centres of mass to their boxes (3.12)."""
+    """Return G, h of G x + h >= 0: centres of mass are in their boxes, thesis (3.12)."""
     rows, offsets = [], []
     for sign, box in zip((1.0, -1.0), limits.centre_box, strict=True):
         for link, corner in enumerate(box):
@@ -252,7 +252,7 @@ def _centre_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
 
 
 def _sign_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which keeps friction and rotor inertia non-negative."""
+    """Return G, h of G x + h >= 0: friction and rotor inertia are non-negative."""
     index = 10 * len(limits.mass) + np.flatnonzero(limits.nonnegative)
     rows = np.zeros((len(index), len(prior.mean)))
     rows[np.arange(len(index)), index] = 1.0
@@ -262,7 +262,7 @@ def _sign_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
 def _load_bounds(
     prior: Prior, limits: PhysicalLimits, load: npt.NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which limits a gear's loss to its transmitted torque."""
+    """Return G, h of G x + h >= 0: no gear loses more torque than it transmits."""
     index = 10 * len(limits.mass) + np.flatnonzero(load)
     rows = np.zeros((len(index), len(prior.mean)))
     rows[np.arange(len(index)), index] = -prior.std[index]
@@ -311,7 +311,7 @@ def solve_relaxed(
     limits: PhysicalLimits,
     solve: Callable[[TriangularSystem, Prior, PhysicalLimits], Array] = solve_semidefinite,
 ) -> tuple[Array, tuple[str, ...]]:
-    """Solve with all of the user's bounds that are not contradictory.
+    """Solve with as many of the user's bounds as are compatible.
 
     Thesis section 3.2.2 requires a relaxation. If the bounds are contradictory, the solver drops
     first the bounds of the centres of mass (boxes only approximate the links' hulls), then
@@ -346,7 +346,7 @@ def solve_relaxed(
                 raise
         else:
             return theta, _notes(limits, bounds, failures)
-    raise AssertionError('the last relaxation has no bounds')
+    raise AssertionError('the program without bounds must have a solution')
 
 
 def _relaxations(limits: PhysicalLimits) -> Iterator[LinkBounds]:
@@ -361,7 +361,7 @@ def _relaxations(limits: PhysicalLimits) -> Iterator[LinkBounds]:
 
 
 def _total_within_masses(limits: PhysicalLimits) -> bool:
-    """Return whether the links' mass bounds allow the total mass, without calling a solver."""
+    """Return whether the mass bounds of the links allow the total mass; needs no solver."""
     lightest, heaviest = limits.total_of_links
     return bool(limits.total_mass[0] <= heaviest and limits.total_mass[1] >= lightest)
 
@@ -388,10 +388,10 @@ def _notes(
 def _note(bound: str, failure: IdentificationError | None, context: str = '') -> str:
     """Return why a bound was dropped; `failure` is None if no solver call was needed."""
     if failure is None or (isinstance(failure, SolverError) and failure.contradiction):
-        return f'bound ignored, because it cannot be met{context}: {bound}'
+        return f'bound ignored, because this bound cannot be met{context}: {bound}'
     status = failure.status if isinstance(failure, SolverError) else 'inaccurate'
     return (
-        f'bound ignored, because the solver failed with it ({status}), although it may be '
+        f'bound ignored, because the solver failed ({status}) with this bound, which may be '
         f'feasible: {bound}'
     )
 

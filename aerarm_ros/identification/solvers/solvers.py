@@ -1,4 +1,4 @@
-"""Registry of all solvers, which run on one reduced regression."""
+"""Registry of all solvers; all run on the same reduced regression."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _solvers(
     bags: Sequence[SampleColumns],
     windows: RolloutWindows | None,
 ) -> dict[str, Callable[[], tuple[Array, tuple[str, ...]]]]:
-    """Return, by solver name, functions that compute parameters and notes for the user."""
+    """Return functions by solver name; each computes parameters, and notes for the user."""
     regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
     return {
         'cad': lambda: (prior.mean, ()),
@@ -145,7 +145,7 @@ def _output_error(
     fit: ModelFit, limits: PhysicalLimits, windows: RolloutWindows | None
 ) -> tuple[Array, tuple[str, ...]]:
     if windows is None:
-        raise IdentificationError('the solver needs windows of the motion to simulate')
+        raise IdentificationError('the solver output_error needs windows of the motion to simulate')
     from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
 
     weights = fit.noise.weights
@@ -180,7 +180,7 @@ def physical_limits(
 
 
 def _with_uncertainty(estimate: Estimate, fit: ModelFit) -> Estimate:
-    """Add standard deviations to an estimate, from normal prior and data, without constraints.
+    """Add standard deviations to an estimate, from prior and data, without constraints.
 
     A coefficient at its bound, within the solver's accuracy, is set to 0.
     """

@@ -1,4 +1,4 @@
-"""Solvers of the thesis: SLSQP and simulated annealing (3.6 to 3.15)."""
+"""Solvers of the thesis: SLSQP and simulated annealing, thesis (3.6) to (3.15)."""
 
 from dataclasses import dataclass
 
@@ -42,7 +42,7 @@ class ThesisProblem:
 
     @classmethod
     def of(cls, fit: ModelFit, limits: PhysicalLimits) -> 'ThesisProblem':
-        """Return the problem of a fit; the prior of the fit provides start and scale."""
+        """Return the optimization problem of a fit; the fit's prior provides start and scale."""
         return cls(fit.regression.system(), fit.prior.mean, fit.prior.std, limits)
 
     @property
@@ -51,18 +51,18 @@ class ThesisProblem:
         return len(self.limits.mass)
 
     def cost(self, theta: Array) -> float:
-        """Return the squared torque error divided by the squared torque, of the reduced data."""
+        """Return the squared torque error divided by the squared torque, for the reduced data."""
         residual = self.system.R @ theta - self.system.z
         return float(residual @ residual / max(float(self.system.z @ self.system.z), 1e-300))
 
     def gradient(self, theta: Array) -> Array:
-        """Return the (p,) derivatives of the cost."""
+        """Return the (p,) derivatives of the cost by the parameters."""
         residual = self.system.R @ theta - self.system.z
         size = max(float(self.system.z @ self.system.z), 1e-300)
         return np.asarray(2.0 * (residual @ self.system.R) / size)
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return the (p,) lower and upper bounds.
+        """Return lower and upper bounds (p,) of the parameters.
 
         The bounds of inertia tensors are so wide that they only limit parameters that the motion
         does not excite.
@@ -79,7 +79,7 @@ class ThesisProblem:
         return lower, upper
 
     def inequalities(self, inertial: Array) -> Array:
-        """Return constraint values, which must be non-negative, relative to mass and size.
+        """Return the constraint values, scaled by mass and size; feasible if non-negative.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class ThesisProblem:
         return slopes.reshape(9 * n + 2, 10 * n)
 
     def random_start(self, random: np.random.Generator) -> Array:
-        """Return random possible parameters (p,): CAD bodies, stretched, shifted and scaled."""
+        """Return random, physically possible parameters (p,): altered bodies of the CAD model."""
         n, limits = self.n, self.limits
         change = np.tile(np.eye(4), (n, 1, 1))
         change[:, :3, :3] += _STRETCH * random.uniform(-1.0, 1.0, (n, 3, 3))
@@ -158,7 +158,7 @@ _FEASIBLE = 1e-6
 
 
 def solve_slsqp(problem: ThesisProblem, seed: int = 0) -> Array:
-    """Return the best of several local solutions of (3.11).
+    """Return the best of several local solutions of thesis (3.11).
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def solve_slsqp(problem: ThesisProblem, seed: int = 0) -> Array:
 
 
 def _local(problem: ThesisProblem, start: Array) -> Array:
-    """Return a local solution, computed in units of the parameters' natural sizes."""
+    """Return a local solution; the search uses parameters scaled by their typical magnitudes."""
     from scipy.optimize import minimize
 
     scale, links = problem.scale, 10 * problem.n
@@ -220,7 +220,7 @@ _ADAPTATION = 0.1
 
 
 def solve_annealing(problem: ThesisProblem, seed: int = 0, sweeps: int = _SWEEPS) -> Array:
-    """Return the best of several random searches for the minimum of (3.11).
+    """Return the best of several random searches for the minimum of thesis (3.11).
 
     The method follows Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca (RA-L 2019): violated
     constraints are added to the cost with a weight that grows with each cooling step.
@@ -246,7 +246,7 @@ def solve_annealing(problem: ThesisProblem, seed: int = 0, sweeps: int = _SWEEPS
 
 
 class _Search:
-    """Chains of Metropolis moves, with residuals updated by one column per move."""
+    """Chains of simulated annealing; each Metropolis move changes one parameter."""
 
     def __init__(self, problem: ThesisProblem, random: np.random.Generator) -> None:
         self._problem = problem
@@ -282,7 +282,7 @@ class _Search:
             self._step[k] *= np.exp(_ADAPTATION * (accepted.mean() - _ACCEPTED))
 
     def best(self) -> Array:
-        """Return the feasible final state with the least cost."""
+        """Return the feasible state with the least cost among the final states of all chains."""
         feasible = self._theta[self._violation(self._theta) <= _FEASIBLE]
         ends = [self._problem.start, *feasible]
         return np.array(min(ends, key=self._problem.cost))

@@ -20,12 +20,9 @@ REFUSED = {
     'aliases': (BOMB, 'anchors or aliases'),
     'lists': ('[' * 200_000, 'nested more than 16 levels deep'),
     'mappings': ('{a: ' * 100_000, 'nested more than 16 levels deep'),
-    'digits': (HEAD + 'version: ' + '9' * 100_000, 'a number that is 100000 characters long'),
-    'base 60': (HEAD + 'version: 1' + ':1' * 500_000, 'a number that is 1000001 characters long'),
-    'base 60 by a tag': (
-        HEAD + f'a: !!int "_1{":1" * 500_000}"',
-        'a number that is 1000002 characters long',
-    ),
+    'digits': (HEAD + 'version: ' + '9' * 100_000, 'a number of 100000 characters'),
+    'base 60': (HEAD + 'version: 1' + ':1' * 500_000, 'a number of 1000001 characters'),
+    'base 60 by a tag': (HEAD + f'a: !!int "_1{":1" * 500_000}"', 'a number of 1000002 characters'),
     'an empty number': (HEAD + 'a: !!int ""', 'index out of range'),
     'no truth': (HEAD + 'a: !!bool x', 'x'),
     'no time': (HEAD + 'a: !!timestamp x', 'groupdict'),
@@ -62,7 +59,7 @@ def test_yaml_that_needs_much_memory_or_time_is_rejected(tmp_path: Path, name: s
 def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     pipe = tmp_path / 'metadata.yaml'
     os.mkfifo(pipe)
-    with pytest.raises(ValueError, match='not a regular file'):
+    with pytest.raises(ValueError, match='instead of a regular file'):
         read_information(pipe)
 
 

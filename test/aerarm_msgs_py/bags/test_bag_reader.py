@@ -74,7 +74,7 @@ def test_columns_by_name(write_bag, recording) -> None:
 def test_a_field_of_another_length_is_left_out_with_a_warning(write_bag) -> None:
     message = JointState(name=['a', 'b'], position=[1.0, 2.0], velocity=[1.0])
     directory = write_bag(joint_states(serialize_message(message)))
-    with pytest.warns(BagWarning, match='1 fields of topic /joint_states'):
+    with pytest.warns(BagWarning, match='topic /joint_states of .*: 1 fields do not have'):
         series = read_joint_states(directory)
     np.testing.assert_array_equal(series.position, [[1.0, 2.0]])
     assert np.isnan(series.velocity).all()
@@ -108,7 +108,7 @@ def test_a_damaged_chunk_is_left_out_with_a_warning(write_bag, recording) -> Non
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 0xFF
     file.write_bytes(content)
-    with pytest.warns(BagWarning, match='is damaged: the chunk at byte'):
+    with pytest.warns(BagWarning, match='the chunk at byte .* is damaged and ignored'):
         series = read_joint_states(file)
     assert 1000 < len(series) < 8000
     numbers = recording.numbers(8000)
@@ -180,7 +180,7 @@ def test_a_missing_or_empty_topic_raises_an_error(write_bag) -> None:
         BagError, match=r'no topic /states: choose one of /arm_mode \(std_msgs/msg/String'
     ):
         read_joint_states(directory, '/states')
-    with pytest.raises(BagError, match='/motor_states .* contains no messages'):
+    with pytest.raises(BagError, match='contains no messages of topic /motor_states'):
         read_joint_states(directory, '/motor_states')
     with pytest.raises(BagError, match='has the type std_msgs/msg/String'):
         read_joint_states(directory, '/arm_mode')

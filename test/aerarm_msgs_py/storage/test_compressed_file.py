@@ -28,7 +28,7 @@ def test_a_file_that_becomes_too_large_is_refused(tmp_path: Path, made) -> None:
     assert len(read_joint_states(bag)) == COUNT
     file = next(bag.glob('*.zstd'))
     file.write_bytes(zstandard.compress(b'\x89MCAP0\r\n' + bytes(500_000_000)))
-    with pytest.raises(BagError, match='more than 100 times its'):
+    with pytest.raises(BagError, match='more than 100 times this size'):
         read_joint_states(bag)
 
 
@@ -52,5 +52,5 @@ def test_messages_that_cannot_be_decompressed_are_counted(tmp_path: Path, made) 
         )
     assert sorted((len(states), len(motors))) == [COUNT - 1, COUNT]
     texts = [str(warning.message) for warning in caught]
-    assert any('1 messages of' in t and 'cannot be decompressed' in t for t in texts)
+    assert any('ignores 1 messages of' in t and 'compressed data are damaged' in t for t in texts)
     assert any(f'1 of the {COUNT} messages of' in t and 'are missing' in t for t in texts)

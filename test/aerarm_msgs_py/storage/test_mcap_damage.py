@@ -67,7 +67,7 @@ def test_the_chunks_behind_a_wrong_length_are_found_again(file: Path, length: in
     file.write_bytes(content)
     assert sequences(file) == [*range(1, 61), *range(81, 201)]
     file.write_bytes(content[:-8])  # without an end there is no summary that knows of chunks
-    with pytest.warns(BagWarning, match=r'is cut off|is damaged'):
+    with pytest.warns(BagWarning, match=r'is cut off|damaged'):
         assert read_joint_states(file).sequence.tolist()[:60] == list(range(1, 61))
 
 
@@ -121,7 +121,7 @@ def bomb(size: int) -> bytes:
 def test_a_bag_larger_than_its_limits_is_refused_or_read_in_part(file: Path) -> None:
     with (
         pytest.warns(BagWarning, match='limits part_bytes and ratio'),
-        pytest.raises(BagError, match='no message of topic'),
+        pytest.raises(BagError, match='all messages of topic .* are unreadable'),
     ):
         read_joint_states(file, limits=ReadLimits(part_bytes=1000))
     content = file.read_bytes()
@@ -130,7 +130,7 @@ def test_a_bag_larger_than_its_limits_is_refused_or_read_in_part(file: Path) -> 
     with pytest.warns(BagWarning, match='40000000 bytes, above the limit of 4194304'):
         assert len(read_joint_states(file)) == COUNT
     file.write_bytes(content[:start] + 10 * bomb(4_000_000) + content[start:])
-    with pytest.raises(BagError, match='more than 100 times its'):
+    with pytest.raises(BagError, match='more than 100 times this size'):
         read_joint_states(file)
     with pytest.warns(BagWarning, match='bytes after 0 messages are not messages'):
         found = read_joint_states(file, limits=ReadLimits(ratio=5000.0))
@@ -154,12 +154,13 @@ def test_damage_at_very_many_places_is_summed_up(file: Path) -> None:
     for part in chunks(content):
         content[part.end - 20] ^= 1
     file.write_bytes(content)
-    with pytest.warns(BagWarning) as caught, pytest.raises(BagError, match='no message of topic'):
+    unreadable = 'all messages of topic .* are unreadable'
+    with pytest.warns(BagWarning) as caught, pytest.raises(BagError, match=unreadable):
         read_joint_states(file)
     texts = [str(warning.message) for warning in caught]
     lost = sum(part.end - part.start - 9 for part in chunks(content))
-    assert sum('is ignored' in text for text in texts) == 5
-    assert any(f'damaged at 10 places; {lost} bytes are' in t for t in texts)
+    assert sum('is damaged and ignored' in text for text in texts) == 5
+    assert any(f'damaged at 10 places; the reader ignores {lost} bytes' in t for t in texts)
 
 
 def test_no_count_of_joints_takes_the_memory(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ def test_the_memory_of_a_bag_is_limited_to_a_multiple_of_its_size() -> None:
     budget = ReadBudget(Path('bag'), 10_000_000, ReadLimits(ratio=3.0))
     budget.spend(20_000_000)
     budget.spend(10_000_000)
-    with pytest.raises(BagError, match='more than 3 times its 10000000 bytes'):
+    with pytest.raises(BagError, match='10000000 bytes needs more than 3 times this size'):
         budget.spend(1)
 
 

@@ -93,7 +93,7 @@ def test_tables_that_compute_end_in_one_error(database: Path, computed: str) -> 
             '(SELECT 1 UNION ALL SELECT k + 1 FROM r LIMIT 100000) SELECT 1, k FROM r'
         )
     connection.close()
-    with pytest.raises(BagError, match='more (memory|time) than the limit|more than 100 times its'):
+    with pytest.raises(BagError, match='more (memory|time) than the limit|100 times this size'):
         read_joint_states(database)
 
 
@@ -127,7 +127,7 @@ def test_values_of_other_types_are_ignored_with_a_warning(database: Path) -> Non
         connection.execute('UPDATE messages SET data = 3.5 WHERE id = 9')
         connection.execute('UPDATE messages SET topic_id = 77 WHERE id = 11')
     connection.close()
-    with pytest.warns(BagWarning, match='3 messages with a wrong type, or without a topic'):
+    with pytest.warns(BagWarning, match='ignores 3 messages with values of a wrong type'):
         assert len(read_joint_states(database)) == 497
 
 

@@ -102,7 +102,7 @@ def test_a_search_without_time_for_a_step_blames_no_limit(designer: TrajectoryDe
     designer.initial(0, count)
     stopped = designer.design(0, stop)
     assert stopped.stopped
-    assert stopped.remark == 'no better trajectory than the random start'
+    assert stopped.remark == 'the random initial trajectory is the best'
 
 
 def test_standard_deviations_are_reported_as_a_ratio() -> None:
@@ -153,7 +153,7 @@ def test_infeasible_limits_name_the_one_that_binds(setup: ExcitationSetup) -> No
         setup.robot, setup.config, crawling, setup.rotor_inertia, setup.torque_per_ampere
     )
     with pytest.raises(
-        InfeasibleError, match=r'amplitude 0.35 rad is .* velocity of joint\d is outside its limit'
+        InfeasibleError, match=r'amplitude 0.35 rad is .* velocity of joint\d exceeds its limit'
     ):
         TrajectoryDesigner(DesignSpecification(slow)).initial(0)
 

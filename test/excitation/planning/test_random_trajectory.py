@@ -55,7 +55,7 @@ def test_infeasible_limits_name_the_one_that_binds(
 ) -> None:
     with pytest.raises(InfeasibleError, match=limit) as caught:
         replace(candidates, **change).draw_feasible(0, checker, RAMP, attempts=10)
-    assert 'is outside its limit in' in str(caught.value)
+    assert 'exceeds its limit in' in str(caught.value)
 
 
 @pytest.mark.parametrize('change', [{'amplitude': 0.0}, {'harmonics': 0}])

@@ -31,7 +31,7 @@ def test_without_bias_the_middle_of_the_range_is_taken(robot: Robot) -> None:
         ('ramp_time: 0', 'ramp_time'),
         ('highest_frequency: 600', 'highest_frequency'),
         ('speed: 3', 'unknown key speed'),
-        ('stop_time: 0.5', 'stop_time is no longer used.*: delete the line'),
+        ('stop_time: 0.5', 'stop_time is obsolete.*: delete the line'),
         ('unchecked_pairs: a to b', "list of 'one to other'"),
         ('unchecked_pairs: [3]', "list of 'one to other'"),
     ],

@@ -58,7 +58,7 @@ def test_bounds_that_hold_an_estimate(result: IdentificationResult) -> None:
     held[first], wanted[first] = 0.0, -1.0
     (text,) = bound_warnings(replace(estimate, theta=held), replace(fit, theta=wanted), mass)
     assert text.startswith(
-        f'{fit.model.columns[first]} omitted, because a fit without bounds gives a negative value'
+        f'the terms {fit.model.columns[first]} are omitted, because their values are negative'
     )
 
 
@@ -81,7 +81,7 @@ def test_friction_that_takes_all_of_the_load(result: IdentificationResult) -> No
     theta, std = (np.insert(values, index, 1.0) for values in (estimate.theta, estimate.std))
     full = replace(estimate, model=model, theta=theta, std=std)
     (text,) = bound_warnings(full, replace(fit, model=model, theta=theta), full.inertial[:, 0])
-    assert text.startswith('fl_joint2 reached the bound 1')
+    assert text.startswith('the load-dependent friction fl_joint2 is at its upper bound 1')
 
 
 def test_a_joint_that_another_one_drives(

@@ -69,7 +69,7 @@ def test_gravity_is_that_of_the_estimate(
         ('.nan', 0.0, 'coulomb_distance of joint2 .* is nan rad: use a finite'),
         ('-0.01', 0.0, 'coulomb_distance of joint2 .* is -0.01 rad: use a finite'),
         ('.inf', 0.0, 'coulomb_distance of joint2 .* is inf rad: use a finite'),
-        ('0.01', 0.02, 'coulomb_distance of joint2 .* together with coulomb_width'),
+        ('0.01', 0.02, 'coulomb_distance and coulomb_width of joint2 .* both set'),
     ],
 )
 def test_impossible_distances_are_refused(

@@ -125,7 +125,7 @@ def test_a_loaded_joint_and_a_rotor_behind_its_links(
     assert result.friction.load == pytest.approx(truth.load_friction[1], abs=0.005)
     assert not result.rotor_inertia_known
     (warning,) = bench.warnings
-    assert warning.startswith('joint2: rotor and load inertia are not separable')
+    assert warning.startswith('joint2: rotor inertia and load inertia are not separable')
 
 
 def test_a_bare_motor(config: ArmConfig, robot: Robot, truth: PlantParameters) -> None:

@@ -32,7 +32,7 @@ def test_a_width_makes_the_step_smooth_as_the_compensation_does() -> None:
 def test_load_scales_dry_friction_and_is_required() -> None:
     load = np.abs(np.sin(3 * DQ))
     assert np.allclose(JointTerm(TermKind.LOAD).basis(DQ, DDQ, load), load * np.sign(DQ))
-    with pytest.raises(ValueError, match='needs the load'):
+    with pytest.raises(ValueError, match='needs the argument'):
         JointTerm(TermKind.LOAD).basis(DQ, DDQ, None)
 
 

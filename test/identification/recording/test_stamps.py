@@ -58,8 +58,8 @@ def broken(kind: str) -> np.ndarray:
     ('kind', 'text'),
     [
         ('constant', 'same stamp'),
-        ('repeated', '199 of 5000 stamps of bag are repeated'),
-        ('backwards', 'repeated|jump back'),
+        ('repeated', '199 of 5000 stamps of bag repeat an earlier'),
+        ('backwards', 'repeat an earlier|jump back'),
         ('jump', r'bag has no joint states for 5.001 s at 2.50 s of the bag, because the recorder'),
         ('nan', 'not finite'),
     ],

@@ -202,7 +202,7 @@ def test_unreadable_tables_raise_errors(tmp_path: Path) -> None:
         read_table(tmp_path / 'c.npz', JOINTS)
     np.savez(tmp_path / 'e.npz', time=T, q=Q, position=Q, tau=TAU)
     with pytest.raises(
-        IdentificationError, match='arrays position and q of .* are the same quantity'
+        IdentificationError, match='arrays position and q of .* contain the same quantity'
     ):
         read_table(tmp_path / 'e.npz', JOINTS)
     np.savez(tmp_path / 'd.npz', time=T, q=np.array([{}], dtype=object), tau=TAU)

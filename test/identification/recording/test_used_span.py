@@ -32,7 +32,7 @@ def test_the_liveliest_run_is_used() -> None:
     # The mode in force when recording began is the first one announced.
     assert running_span(TIME, q, modes) == (
         slice(800, 1550),
-        'arm_mode running, the longest motion of 2',
+        'arm_mode running, the longest of 2 motions',
     )
     assert running_span(TIME, q, modes[2:]) == (slice(0, 1550), 'arm_mode running')
     assert running_span(TIME, q, modes[:1]) == (slice(0, 2000), 'arm_mode running')
@@ -50,7 +50,7 @@ def test_commands_tell_when_the_arm_followed() -> None:
     q = positions((300, 500, 0.1), (900, 1500, 1.0))
     commands = np.concatenate([TIME[250:550], TIME[850:1600]])
     span = commanded_span(TIME, q, commands)
-    assert span == (slice(850, 1600), 'joint_command, the longest motion of 2')
+    assert span == (slice(850, 1600), 'joint_command, the longest of 2 motions')
     assert commanded_span(TIME, q, commands[:1]) is None
     assert commanded_span(TIME, q, TIME[-1] + 1.0 + 0.01 * np.arange(50)) is None
 

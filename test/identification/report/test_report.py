@@ -187,7 +187,7 @@ def test_only_solvers_that_ran_are_explained(result: IdentificationResult) -> No
     def explained(result: IdentificationResult) -> list[str]:
         text = ' '.join(Page(report_html(result, ReportExtras())).texts)
         (metric,) = re.findall(r'thesis \(5\.3\).*?identified\.urdf contain', text)
-        return re.findall(r'(\w+): ', metric.partition('as recorded.')[2])
+        return re.findall(r'(\w+): ', metric.partition('no torque is filtered.')[2])
 
     assert explained(result) == ['cad', 'cad_friction', 'ols', 'wls', 'sdp']
     sdp = result.solutions['sdp']

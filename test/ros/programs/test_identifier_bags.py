@@ -176,7 +176,7 @@ MODES = ((0, 'ready'), (100, 'running'), (150, 'damping'), (200, 'running'), (35
 @pytest.mark.parametrize(
     ('modes', 'rows', 'reason'),
     [
-        (MODES, (200, 350), 'arm_mode running, the longest motion of 2'),
+        (MODES, (200, 350), 'arm_mode running, the longest of 2 motions'),
         (MODES[1:3], (0, 150), 'arm_mode running'),
         (MODES[:1], (0, 400), 'joint_command'),
     ],
