@@ -36,7 +36,7 @@ _BENCH_PARAMETERS = {
 
 @dataclass(frozen=True)
 class ArduPilotSetup:
-    """Gains of ArduCopter's loops, and its position source.
+    """Gains and position source of ArduCopter.
 
     Attributes
     ----------
@@ -67,11 +67,11 @@ class ArduPilotSetup:
     others: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the choice of the position source."""
+        """Check that the position source is known; raises ValueError."""
         check_sensors(self.sensors)
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
-        """Return all parameters for a drone by ArduCopter's names.
+        """Return all ArduCopter parameters for a drone as a mapping from their names.
 
         Raises
         ------
@@ -105,7 +105,7 @@ class ArduPilotSetup:
 
 
 def moment_unit(drone: DroneConfig) -> float:
-    """Return the moment [Nm] of ArduCopter's normalized command 1, mean of roll and pitch.
+    """Return the mean roll and pitch moment [Nm] for ArduCopter's normalized command 1.
 
     Raises
     ------

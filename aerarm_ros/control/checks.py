@@ -107,7 +107,7 @@ class JointLimits:
         return len(self.names)
 
     def order(self, names: Sequence[str]) -> list[int]:
-        """Return the position in `names` of each joint of the arm.
+        """Return, for each joint of the arm, its index in `names`.
 
         Raises
         ------
@@ -122,7 +122,7 @@ class JointLimits:
         return [list(names).index(name) for name in self.names]
 
     def including(self, q: Array) -> 'JointLimits':
-        """Return limits that also include a posture (n,) [rad] outside the present limits."""
+        """Return limits that are widened to include the posture `q` (n,) [rad]."""
         return replace(
             self,
             position_min=np.minimum(self.position_min, q),
