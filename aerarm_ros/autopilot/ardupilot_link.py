@@ -67,7 +67,7 @@ def motor_shares(packet: bytes) -> tuple[int, Array] | None:
 
 
 class JsonSimulator(Protocol):
-    """Interface of the connection by which this program acts as ArduPilot's simulator."""
+    """Interface of a connection over which this program simulates the drone for ArduPilot."""
 
     is_lost: bool
 
@@ -79,7 +79,7 @@ class JsonSimulator(Protocol):
 
 
 class JsonLink:
-    """UDP server to which ArduPilot connects, as to its JSON simulator (`--model JSON`).
+    """UDP server that acts as ArduPilot's external simulator (`--model JSON`).
 
     Parameters
     ----------

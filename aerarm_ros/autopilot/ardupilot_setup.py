@@ -100,7 +100,7 @@ class ArduPilotSetup:
         }
 
     def rate_gain(self, drone: DroneConfig) -> float:
-        """Return the roll or pitch moment per error of the angular velocity [Nm s/rad]."""
+        """Return the roll or pitch loop's moment per angular velocity error [Nm s/rad]."""
         return self.rate_p * moment_unit(drone)
 
 
@@ -121,7 +121,7 @@ def moment_unit(drone: DroneConfig) -> float:
 
 
 def motors_of(drone: DroneConfig) -> list[int]:
-    """Return the drone's rotor number for each motor of ArduPilot, in ArduPilot's order.
+    """Return, for each of ArduPilot's motors in order, the number of the drone's rotor.
 
     Raises
     ------
@@ -139,8 +139,8 @@ def motors_of(drone: DroneConfig) -> list[int]:
                 found.append(index)
     if not frame or len(found) != drone.n:
         raise ValueError(
-            f'ArduPilot has no frame for {drone.name}: it flies 4 or 6 level rotors in an X, each '
-            "with the direction of ArduPilot's motor order; check position, axis and "
+            f'ArduPilot has no frame for {drone.name}: ArduPilot flies 4 or 6 level rotors in X '
+            "form, each with the direction of ArduPilot's motor order; check position, axis and "
             'moment_per_thrust in the drone file'
         )
     return found

@@ -113,11 +113,11 @@ class BetaflightSetup:
 
     @property
     def attitude_gain(self) -> float:
-        """Gain of the attitude loop: angular velocity per attitude error [1/s]."""
+        """Gain of the attitude loop, angular velocity per attitude error [1/s]."""
         return 0.1 * self.angle_gain
 
     def rate_gain(self, drone: DroneConfig) -> float:
-        """Return the roll or pitch moment per error of the angular velocity [Nm s/rad]."""
+        """Return the roll or pitch loop's moment per angular velocity error [Nm s/rad]."""
         name, order = _mixer(drone)
         shares = np.array(_MIXERS[drone.n][1])[:, :2]
         places = np.array([drone.rotors[rotor].position for rotor in order])
@@ -167,7 +167,7 @@ _SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class BetaflightFlight:
-    """Position control by stick commands to Betaflight in angle mode, used as a `FlightControl`.
+    """Position control by stick commands to Betaflight in angle mode, instead of `FlightControl`.
 
     The sticks command roll, pitch, the angular velocity about the vertical, and throttle. The
     position loop uses the mass of drone and arm. The arm's motion is fed forward by the

@@ -50,7 +50,7 @@ def torque_unit(drone: DroneConfig) -> Array:
     effectiveness = drone.allocation * drone.column('thrust_max')
     if np.linalg.matrix_rank(effectiveness[3:]) < 3:
         raise ValueError(
-            'the rotors of the drone file produce no moment about one of its axes: check '
+            'the rotors of the drone file produce no moment about one axis of the drone: check '
             'positions and axes of the rotors'
         )
     mixer = np.linalg.pinv(effectiveness)[:, 3:]

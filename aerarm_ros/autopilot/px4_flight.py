@@ -292,7 +292,7 @@ class SetPoints(Protocol):
 
 
 class FirmwareFlight:
-    """Flight control by an autopilot firmware that follows set points, used as a `FlightControl`.
+    """Flight control by an autopilot firmware that follows set points, instead of `FlightControl`.
 
     Parameters
     ----------

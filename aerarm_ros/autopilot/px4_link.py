@@ -43,7 +43,7 @@ class Controls(NamedTuple):
 
 
 class Simulator(Protocol):
-    """Interface of the connection by which this program acts as PX4's simulator."""
+    """Interface of a connection over which this program simulates the drone for PX4."""
 
     is_lost: bool
 
@@ -68,7 +68,7 @@ class Companion(Protocol):
 
 
 class SimulatorLink:
-    """TCP server to which PX4 connects, as to its simulator.
+    """TCP server to which PX4 connects as to its external simulator.
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ _SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class Px4Flight:
-    """Flight control by a model of PX4's loops (`Px4Loops`), used as a `FlightControl`.
+    """Flight control by a model of PX4's loops (`Px4Loops`), instead of `FlightControl`.
 
     The only feedforward of the arm is the acceleration of a set point. The loops receive neither
     the moment of the arm's weight nor its inertia. The hover thrust is that of drone and arm at

@@ -107,7 +107,8 @@ def checked_hover_share(drone: DroneConfig, body: MassProperties, rule: str) -> 
     hover = hover_share(drone, body)
     if not 0.1 <= hover <= 0.8:
         raise ValueError(
-            f'the drone hovers at {100.0 * hover:.0f} % of its thrust, but {rule}: check mass and '
+            f'the drone hovers at {100.0 * hover:.0f} % of its largest thrust, but '
+            f'{rule}: check mass and '
             'thrust_max in the drone file'
         )
     return hover

@@ -11,14 +11,14 @@ from aerarm_ros.motion.signals import Array
 
 
 class RejectedInputError(ValueError):
-    """A reference or sensor sample is invalid; the message states the reason and what to check.
+    """Error: a reference or sensor sample is invalid; the message says why and what to check.
 
     The function that raises this error has changed nothing, so the arm continues its motion.
     """
 
 
 def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
-    """Return a copy of non-negative `values` as an (n,) array; a scalar is repeated.
+    """Check that `values` are not negative; return a copy (n,), with a scalar repeated.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
 
 
 def finite(name: str, values: npt.ArrayLike, n: int) -> Array:
-    """Return a copy of finite `values` as an (n,) array; a scalar is repeated.
+    """Check that `values` are finite; return a copy (n,), with a scalar repeated.
 
     Raises
     ------

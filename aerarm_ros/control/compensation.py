@@ -48,7 +48,7 @@ class ErrorIntegral:
 
 
 class Fade:
-    """Weight that moves towards 1 or towards 0 at a constant rate.
+    """Weight from 0 to 1 that fades something in or out at a constant rate.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Fade:
 
 
 class FrictionCompensation:
-    """Joint friction of thesis (2.6), smoothed by `tanh(dq / width)`, plus load-dependent friction.
+    """Joint friction of thesis (2.6), smoothed at zero velocity, plus load-dependent friction.
 
     A gear loses a fraction of the transmitted torque, so dry friction is `f_s + f_l |load|`.
     Load-dependent friction matters for loads that vary with the drone: at 4 % of 1.5 Nm, the first

@@ -25,7 +25,7 @@ class ControlLaw(Protocol[Followed]):
     def update(
         self, state: ArmState, reference: Followed, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
-        """Return the command for this cycle of `dt` [s]."""
+        """Return the joint command for this cycle of `dt` [s]."""
         ...
 
 

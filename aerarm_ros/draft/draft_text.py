@@ -68,11 +68,11 @@ _JOINT_ADVICE = {
         '[rad/s] from the URDF, or a low default: set a value well below the no-load speed of the '
         'motor.'
     ),
-    'acceleration_max': '[rad/s^2] half of the acceleration that effort_max allows for the '
-    'outstretched arm against gravity, but enough to reach velocity_max in 0.1 s: set a value '
-    'that gears and mount withstand.',
-    'effort_max': '[Nm] from the URDF, or three times the load of gravity: set at most torque '
-    'constant * current_max / ratio, and at most the torque that the gear withstands.',
+    'acceleration_max': '[rad/s^2] half of the acceleration that effort_max allows against gravity '
+    'with the outstretched arm, and at least full speed after 0.1 s: set a value that gears and '
+    'mount withstand.',
+    'effort_max': '[Nm] from the URDF, or three times the weight: at most torque constant * '
+    'current_max / ratio, and at most the torque that the gear withstands.',
     'effort_rate_max': '[Nm/s] effort_max per 17 ms: set a rate that the gear teeth withstand.',
     'viscous, coulomb': 'friction [Nms/rad], [Nm] from the URDF, or typical of light drives: use '
     'the fv and fs of identifier or motor_bench.',

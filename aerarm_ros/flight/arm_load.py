@@ -147,7 +147,7 @@ _STILL = np.zeros(3)
 
 
 class ArmLoadModel:
-    """Compute an `ArmLoad` from the motion of the joints.
+    """Computes an `ArmLoad` from the motion of the joints.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ class ArmForecast:
         if elapsed < 0.0 or elapsed + self.lead > self._path.duration:
             if elapsed < -_TOO_OLD or elapsed > self._path.duration + _TOO_OLD:
                 self._path = None
-            return 'no plan for this time'
+            return 'the plan does not cover this time'
         here = self._path.evaluate(elapsed)
         if np.any(np.abs(here.q - measured.q) > _POSTURE):
             return 'the arm is not at its planned position'

@@ -1,4 +1,4 @@
-"""Contact estimation in flight from asynchronous messages of drone and arm."""
+"""Contact estimation in flight from the asynchronous messages of drone and arm."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -241,7 +241,7 @@ class ContactEstimator:
         self._joints.add(stamp, np.concatenate([q, dq]))
 
     def problem(self) -> str:
-        """Return why the contact estimate is unavailable, or an empty string."""
+        """Return a text if the contact estimate is unavailable, otherwise an empty string."""
         now = self._now
         if np.isinf(now):
             return 'no joint states yet'

@@ -156,7 +156,7 @@ class RotorEstimate:
         self._command = None
 
     def command(self, thrust: Array) -> None:
-        """Set the commanded thrusts (n,) [N]; the first command applies at once."""
+        """Set the commanded thrusts (n,) [N]; the first command acts without lag."""
         if self._command is None:
             self._thrust = thrust
         self._command = thrust

@@ -24,7 +24,7 @@ class FreezeWatch:
         self._since = 0.0
 
     def is_frozen(self, reading: Array, now: float, is_moving: bool) -> bool:
-        """Process a reading at `now` [s]; return whether it is frozen while the drone moves."""
+        """Process a reading at `now` [s]; return whether the sensor of a moving drone is frozen."""
         if self._last is None or not np.array_equal(reading, self._last) or not is_moving:
             self._last, self._since = reading, now
         return now - self._since > self._patience
@@ -98,7 +98,7 @@ class FlightEstimator:
             reading = np.concatenate([sample.angular_velocity, sample.specific_force])
             if self._frozen_imu.is_frozen(reading, sample.stamp, is_moving):
                 raise RejectedInputError(
-                    'IMU: repeated samples while the drone turns (frozen); check the driver'
+                    'IMU: repeated samples although the drone turns (frozen); check the driver'
                 )
             if np.linalg.norm(rate - odometry.rate) > _GYRO_DOUBT:
                 raise RejectedInputError(
@@ -159,7 +159,7 @@ class FlightEstimator:
         reading = np.concatenate([sample.position, sample.attitude])
         if self._frozen_odometry.is_frozen(reading, sample.stamp, is_moving):
             raise RejectedInputError(
-                'odometry: repeated pose while the drone moves (frozen); check its source'
+                'odometry: repeated pose although the drone moves (frozen); check its source'
             )
 
     def _refuse_jump(self, before: OdometrySample, sample: OdometrySample) -> None:
@@ -174,7 +174,7 @@ class FlightEstimator:
             self._doubted_since = sample.stamp  # differs from the previous jump too
         self._doubted = sample
         if sample.stamp - self._doubted_since < _DOUBT:
-            raise RejectedInputError(f'odometry: {jump}')
+            raise RejectedInputError(jump)
         self.jumps += 1
 
 
@@ -204,7 +204,7 @@ def _jump(before: OdometrySample, sample: OdometrySample) -> str:
         ),
     ):
         if size > limit:
-            return f'its {what} jumps by {size:.2f} {unit}'
+            return f'odometry: the {what} jumps by {size:.2f} {unit} between two samples'
     return ''
 
 

@@ -241,8 +241,8 @@ class FlightPath:
         hardest = float(np.linalg.norm(samples.ddq[:, :3], axis=1).max())
         if fastest > _PATH_SPEED_MAX or hardest > _ACCELERATION_MAX:
             raise RejectedInputError(
-                f'flight path: it needs {fastest:.1f} m/s and {hardest:.1f} m/s^2 (limits '
-                f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}); give its points more time'
+                f'flight path: the path needs {fastest:.1f} m/s and {hardest:.1f} m/s^2 (limits '
+                f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}); give the points more time'
             )
 
     @property
@@ -262,7 +262,7 @@ def _rows(values: npt.ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
     rows = np.array(values, dtype=float)
     if rows.shape != shape:
         raise RejectedInputError(
-            'flight path: give a velocity for every point or for none; also for accelerations'
+            'flight path: give velocities, and likewise accelerations, for all points or for none'
         )
     return rows
 

@@ -92,7 +92,7 @@ class MotorTemperature:
         return max(self._reported, self._resistance * grown / rated)
 
     def report(self, resistance: float) -> None:
-        """Process the phase resistance [ohm] that the board reports; 0 if it reports none."""
+        """Process the phase resistance [ohm] that the board reports; 0 means unknown."""
         low, high = _PLAUSIBLE
         ratio = resistance / self._resistance
         self._reported = resistance if low < ratio < high else 0.0
@@ -172,7 +172,7 @@ _LOAD_SHARE = 0.2
 
 
 class ThermalLimit:
-    """Warns of a warm motor, reduces its torque limit if it gets warmer, and then stops the arm.
+    """Warns of a warm motor, reduces the torque of a hotter motor, and stops the arm at last.
 
     The limit of the squared current falls with the winding temperature: from the current of the
     effort limit to the continuous current, 5 K below the largest temperature. At that temperature
@@ -379,7 +379,7 @@ _COOLINGS = 100  # number of integration steps over the time in which no bridge 
 
 @dataclass(frozen=True)
 class KeptHeat:
-    """Motor temperatures that a bridge estimated at a time [s, monotonic] and stored.
+    """Stored motor temperatures, which a bridge estimated at a time [s, monotonic].
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ def looks_sealed(datagram: bytes) -> bool:
 
 
 class KeyFileError(ValueError):
-    """The key file is missing or invalid; the message states what to do."""
+    """Error: the key file is missing or invalid; the message states what to do."""
 
 
 def make_key(path: Path) -> None:

@@ -149,7 +149,7 @@ class ToolPostures:
         return q if error < _NEAR else None
 
     def _way(self, start: Array, q: Array, duration: float) -> float:
-        """Return an estimate of the energy [J] for the straight path from `start` to q."""
+        """Return an estimate of the energy [J] of a straight path from `start` to q."""
         straight = PolynomialPath.rest_to_rest(start, q, duration)
         times = (np.arange(_GLANCE) + 0.5) * duration / _GLANCE
         power = self._model.drives.from_supply(self._model.power(straight, times))

@@ -226,7 +226,7 @@ _STOP_SOLREF = (20.0 * SUBSTEP, 1.0)
 
 
 class PlantError(ValueError):
-    """The physics engine cannot simulate this arm; the text states what to check."""
+    """Error: the physics engine cannot simulate this arm; the text states what to check."""
 
 
 class ArmPlant:
@@ -360,7 +360,7 @@ class ArmPlant:
         self.reset(position)
 
     def apply_effort(self, effort: ArrayLike) -> None:
-        """Set the motor torques (n,) [Nm], referred to the joint side."""
+        """Set the motor torques (n,) [Nm], as torques on the joint side."""
         self._effort[:] = effort
 
     def scale_friction(self, factors: Sequence[float]) -> None:
@@ -396,7 +396,7 @@ class ArmPlant:
         self.parameters = replace(self.parameters, inertial_parameters=inertial)
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and position (3,) [m] in the world of a moving link's frame.
+        """Return rotation (3, 3) and position (3,) [m] of a moving link's frame in the world.
 
         Raises
         ------

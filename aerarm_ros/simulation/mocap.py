@@ -25,7 +25,7 @@ _ITERATIONS = 15
 
 
 class Located(Protocol):
-    """Interface of a simulated arm that returns the poses of its links."""
+    """Interface of a simulated arm that returns poses of its links."""
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
         """Return rotation (3, 3) and position (3,) [m] of a link in the world."""

@@ -176,7 +176,7 @@ class BasePoseEstimator:
         self._frozen = FreezeWatch(_FROZEN)
 
     def problem(self, now: float) -> str:
-        """Return why the pose cannot be used at `now` [s], or an empty string."""
+        """Return a text if the pose cannot be used at `now` [s], otherwise an empty string."""
         if np.isinf(self._received):
             return f'odometry: {self._problem}' if self._problem else 'no odometry yet'
         age = now - self._received
@@ -303,13 +303,13 @@ class BasePoseEstimator:
         age = self._drone_time(now) - sample.stamp
         if not -0.01 < age < self._timeout:
             self._problem = (
-                f'a sample is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check its '
-                'delay, and the clock of its publisher'
+                f'a sample is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check the '
+                'delay and the clock of the publisher'
             )
             if abs(age) > 5.0 * self._timeout:
                 self._problem = (
-                    f'its clock is {-age:+.2f} s off: synchronise the clocks of the publishers '
-                    'of odometry, IMU and joint_states'
+                    f'the clock of the publisher is {-age:+.2f} s off: synchronise the clocks of '
+                    'the publishers of odometry, IMU and joint_states'
                 )
             raise RejectedInputError(self._problem)
         interval = self._interval = sample.stamp - self._stamp
@@ -322,7 +322,7 @@ class BasePoseEstimator:
         )
         reading = np.concatenate([sample.position, sample.attitude])
         if self._frozen.is_frozen(reading, sample.stamp, moving > 0.0):
-            self._problem = 'its pose does not change while the drone moves (frozen)'
+            self._problem = 'the pose does not change while the drone moves (frozen)'
             raise RejectedInputError(self._problem)
         measured = self._measured(sample)
         if self._state is None or not -_FORGOTTEN < interval < _FORGOTTEN:
@@ -438,7 +438,7 @@ class BasePoseEstimator:
         distance, angle = float(np.linalg.norm(off)), float(np.linalg.norm(turn))
         if distance <= allowed and angle <= _TURN:
             return False
-        self._problem = f'its pose jumped by {distance:.2f} m and {angle:.2f} rad'
+        self._problem = f'the pose jumped by {distance:.2f} m and {angle:.2f} rad'
         if distance > self._jump_max or angle > self._jump_max:
             self._problem += (
                 f' (jump_max: {self._jump_max:g}): check the odometry, or send a new target'

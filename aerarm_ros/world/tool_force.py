@@ -366,7 +366,7 @@ class ToolForce:
         self._fast_for = self._fast_for + dt if speed > _FAST else 0.0
         self._commanded *= min(max((_FASTEST - speed) / (_FASTEST - _FAST), 0.0), 1.0)
         if self._fast_for > _FAST_TIME:
-            self.stop('the wall gave way, or the tool left it', now)
+            self.stop('the wall gave way, or the tool left the wall', now)
         elif at - self._anchor > settings.travel_max:
             self.stop(f'the wall gave way by more than travel_max ({settings.travel_max:g} m)', now)
         elif now - self._pressed_at > _LOST_TIME:

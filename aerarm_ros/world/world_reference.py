@@ -87,7 +87,7 @@ class WorldPath:
         hardest = float(np.linalg.norm(samples.ddq, axis=1).max())
         if fastest > velocity_max or hardest > acceleration_max:
             raise RejectedInputError(
-                f'tool path: it needs {fastest:.2f} m/s and {hardest:.1f} m/s^2 (limits '
+                f'tool path: the path needs {fastest:.2f} m/s and {hardest:.1f} m/s^2 (limits '
                 f'{velocity_max:g} and {acceleration_max:g}); give its points more time'
             )
 
@@ -215,7 +215,7 @@ class WorldToolReference:
         """
         if not -_LATEST < begin - now < _EARLIEST:
             raise RejectedInputError(
-                f'tool path: it begins {begin - now:+.1f} s from now; set its stamp to zero '
+                f'tool path: the path begins {begin - now:+.1f} s from now; set the stamp to zero '
                 '("now"), and check the clocks'
             )
         self._require_reach('tool path', path.places, now)
@@ -365,8 +365,8 @@ class WorldToolReference:
         if now - self._off_since < _OFF_TIME:
             return ''
         return (
-            f'the tool is {1e3 * self.error:.0f} mm off its target, which is out of reach, '
-            'or something pushes the tool'
+            f'the tool is {1e3 * self.error:.0f} mm off its target: the target is out of '
+            'reach, or something pushes the tool'
         )
 
     def _may_resume(self, pose: BasePose, q: Array, now: float) -> bool:

@@ -35,7 +35,7 @@ class AccelerationEstimate:
         self._smooth = None
 
     def update(self, dq: Array, dt: float) -> Array:
-        """Process a velocity (n,) [rad/s] after `dt` [s]; return the acceleration [rad/s^2]."""
+        """Process a velocity (n,) [rad/s], `dt` [s] after the last; return the acceleration."""
         if self._smooth is None:
             self._smooth = np.array(dq)
             return self._rest

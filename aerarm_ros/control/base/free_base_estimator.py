@@ -227,7 +227,7 @@ class ImuWatch:
         if felt > _FORCE_MAX:
             raise RejectedInputError(
                 f'IMU: the acceleration of {felt:.0f} m/s^2 is more than the rotors can cause; '
-                'check its mount and driver'
+                'check mount and driver of the IMU'
             )
         if self._taken is not None:
             _refuse_jump(self._taken, sample, min(max(step, 0.0), _STEP_MAX))

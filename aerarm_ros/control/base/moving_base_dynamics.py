@@ -202,7 +202,7 @@ class BaseReaction:
     """
 
     class ArmReaction(NamedTuple):
-        """Wrench of the arm on the drone and mass properties of the arm, in base axes.
+        """Wrench of the arm on the drone, and mass properties of the arm, in base axes.
 
         `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone. Its part `static` is due
         to gravity with all bodies at rest; `dynamic` is the remainder. `mass` [kg], `com` (3,) [m]

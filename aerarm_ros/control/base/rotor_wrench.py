@@ -33,7 +33,7 @@ _FROZEN = 0.5  # [s]; a controller in flight never repeats its numbers for so lo
 
 
 class RotorWrench:
-    """Predicts the thrusts of a drone's rotors, with their saturation and first-order lag.
+    """Predicts the rotors' thrusts from commands, with saturation and first-order lag.
 
     A command acts from its arrival plus the latency until the next command acts. The thrust follows
     the command exactly by `T(t) = u + (T_0 - u) exp(-(t - t_0) / T_r)`.
@@ -69,7 +69,7 @@ class RotorWrench:
         self._stamp = self._received = self._changed = -np.inf
 
     def problem(self, now: float) -> str:
-        """Return why the rotor commands are unusable at `now` [s], or an empty string."""
+        """Return a text if the rotor commands are unusable at `now` [s], or an empty string."""
         age = now - self._received
         if np.isinf(age):
             return 'no rotor commands yet'

@@ -314,7 +314,7 @@ class TrajectoryFollower:
         timeout = self._tolerances.stream_timeout - max(0.0, age)
         if timeout <= 0.0:
             raise RejectedInputError(
-                f'streamed point: {age:.3g} s old (stream_timeout: '
+                f'streamed point: the point is {age:.3g} s old (stream_timeout: '
                 f'{self._tolerances.stream_timeout:g}); synchronise the clocks, or set the stamp '
                 'to zero ("now")'
             )
@@ -361,7 +361,7 @@ class TrajectoryFollower:
         if np.any(far):
             joint = int(np.argmax(far))
             raise RejectedInputError(
-                f'trajectory: it starts {distance[joint]:.3g} rad away from '
+                f'trajectory: the first point is {distance[joint]:.3g} rad away from '
                 f'{self._limits.names[joint]} at {present[joint]:.4g} rad (allowed '
                 f'{self._tolerances.start[joint]:.3g}); start at the present position, or give '
                 'the first point time to move there'
@@ -388,7 +388,7 @@ class TrajectoryFollower:
         if (error > used.path).any():
             joint = int(np.argmax(error / used.path))
             # Hold at the measured posture, so that the arm does not push against an obstacle.
-            reason = f'stopped: {self._limits.names[joint]} {error[joint]:.3g} rad off path'
+            reason = f'stopped: {self._limits.names[joint]} is {error[joint]:.3g} rad off path'
             self.stop(now, reason, q)
             self.end = MotionEnd.OFF_PATH
         elif now < self._until:
@@ -402,4 +402,4 @@ class TrajectoryFollower:
         elif now > self._until + used.goal_time:
             joint = int(np.argmax(error / used.goal))
             self.status, self.end = 'holding', MotionEnd.OFF_GOAL
-            self.outcome = f'goal missed: {self._limits.names[joint]} {error[joint]:.3g} rad off'
+            self.outcome = f'goal missed: {self._limits.names[joint]} is {error[joint]:.3g} rad off'

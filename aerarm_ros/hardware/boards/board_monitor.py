@@ -34,7 +34,7 @@ _CHECK = 'check the MOSI wire, its connector, the ground wire and clock_hz'
 
 
 class CommandEcho:
-    """Counts the commands that did not reach a board although the board's answers reach the host.
+    """Counts commands that did not reach a board, although the board's answers reach the host.
 
     A board answers before it reads the command of the same exchange, so an answer echoes the
     previous command. A command is counted as lost only if its own exchange and the next exchange

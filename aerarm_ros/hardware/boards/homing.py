@@ -339,7 +339,7 @@ class Homing:
             f'homing found the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
             f'({angle:.3f} rad at the joint) from its expected angle, above the limit of '
             f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and run '
-            "'arm home' again. If the arm was already there, the encoder, motor or "
+            "'arm home' again. If the arm was in this configuration, the encoder, motor or "
             'configuration has changed; commission the joint',
         )
 
@@ -411,7 +411,7 @@ def motion_in_words(config: ArmConfig) -> str:
     """Return a text that describes the homing motion, with the joints' travel [rad]."""
     travel = _TURN * config.column('gear.ratio')
     one_sided = homing_sides(config) != 0.0
-    side = 'by up to two turns to one side' if one_sided.any() else 'to either side'
+    side = 'up to two turns to one side' if one_sided.any() else 'to either side'
     return (
         f'the joints turn slowly by one motor turn ({travel.min():.2f} to {travel.max():.2f} '
         f'rad), {side}, and return'

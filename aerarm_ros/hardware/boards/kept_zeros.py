@@ -260,7 +260,7 @@ class ZeroRecall:
             joints = [number for number, _ in link.joints if not self._zeros.absolute[number]]
             problem = self._problem(board, link)
             if problem:
-                self._zeros.explain(joints, f'{board.name} {problem}')
+                self._zeros.explain(joints, problem)
                 continue
             kept = {joint.name: joint.zero for joint in board.joints}
             again = [number for number in joints if self._zeros.names[number] in kept]
@@ -298,31 +298,31 @@ class ZeroRecall:
 
     def _problem(self, board: KeptBoard, link: BoardLink) -> str:
         """Return the reason if a board's stored encoder zeros cannot be used, otherwise ''."""
-        state, away = link.state, link.answered_at - board.time
+        state, away, name = link.state, link.answered_at - board.time, board.name
         if away < 0.0:
-            return 'answered before its zero was stored'
+            return f'{name} answered before its zero was stored'
         if away > AWAY_MAX:
             return (
-                f'was not observed for {away:.0f} s, but its clock can show a restart only '
+                f'{name} was not observed for {away:.0f} s, but its clock can show a restart only '
                 f'within {AWAY_MAX:g} s'
             )
         ahead = state.timestamp - board.timestamp - away
         off = (ahead + 0.5 * TIMESTAMP_PERIOD) % TIMESTAMP_PERIOD - 0.5 * TIMESTAMP_PERIOD
         lost_error = link.keeps_errors and board.error and not state.error
         if abs(off) > _TICKS + _DRIFT * away or lost_error:
-            return 'was switched off and on while the bridge was not running'
+            return f'{name} was switched off and on while the bridge was not running'
         kept = {joint.name: joint for joint in board.joints}
         for number, channel in link.joints:
             joint = kept.get(self._config.joint_names[number])
             if joint is None:
                 continue
             if joint.index_detected and not state.index_detected[channel]:
-                return 'was switched off and on while the bridge was not running'
+                return f'{name} was switched off and on while the bridge was not running'
             if abs(joint.pulse_offset - self.pulse_offset[number]) > _SAME_PULSE:
-                return 'was homed with another index pulse of ' + joint.name
+                return f'{name} was homed with another index pulse of {joint.name}'
             toggled = state.index_toggle[channel] != joint.index_toggle
             if not self._can_have_moved(number, joint, state.position[channel], toggled, away):
-                return f'has another encoder count of {joint.name} than before'
+                return f'{name} has another encoder count of {joint.name} than before'
         return ''
 
     def _can_have_moved(

@@ -92,7 +92,7 @@ class EmulatedEncoder:
         self.stuck = False
 
     def sample(self, angle: float, compensate_index: bool = False) -> None:
-        """Measure a true motor angle [rad]; call once per sub-step.
+        """Measure the motor angle, given its true value [rad]; call once per sub-step.
 
         With `compensate_index`, the next index pulse shifts the position so that the pulse lies at
         zero, like the firmware's index offset compensation.
@@ -111,7 +111,7 @@ class EmulatedEncoder:
         self.position = position
 
     def place(self, angle: float) -> None:
-        """Move the encoder to a true motor angle [rad] without a measured speed."""
+        """Set the true motor angle [rad] without an effect on the measured speed."""
         if self._begins:
             self._shift, self._begins = -angle, False
         self._angle = angle

@@ -41,7 +41,7 @@ class AnswerWatch:
 
     @property
     def expects(self) -> bool:
-        """Whether a controller currently answers the joint states."""
+        """Whether a controller answers the joint states at present."""
         return self._expects
 
     def note(self, stamp_ns: int, newest_ns: int) -> None:

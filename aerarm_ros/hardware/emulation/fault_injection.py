@@ -187,7 +187,7 @@ FAULTS: dict[str, Fault] = {
         'fraction of frames with flipped bits, in each direction', _bit_errors, *_SHARE_OF_FRAMES
     ),
     'lost_frames': Fault(
-        'fraction of exchanges that the board misses', _lost_frames, *_SHARE_OF_FRAMES
+        'fraction of frame exchanges that the board misses', _lost_frames, *_SHARE_OF_FRAMES
     ),
     'lost_commands': Fault(
         'fraction of commands that the board does not receive while it answers',
@@ -211,9 +211,9 @@ FAULTS: dict[str, Fault] = {
     'board_timeout': Fault('the board receives no frames', _board_timeout),
     'mute_board': Fault('the board receives frames but sends none', _mute_board),
     'short_answers': Fault(
-        'number of bytes that reach the board of each frame', _short_answers, 20, 0, 34
+        'number of bytes of each answer that reach the host', _short_answers, 20, 0, 34
     ),
-    'slow_bus': Fault('duration of an exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
+    'slow_bus': Fault('duration of a frame exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
     'swapped_channels': Fault(
         "the board's two motors, with their encoders, are swapped; inject the fault again "
         'to swap them back',

@@ -145,7 +145,7 @@ class FrameCodec:
         return state
 
     def encode_state(self, state: BoardState) -> bytes:
-        """Encode the sensor frame of an emulated board; raise FrameError if a value does not fit."""
+        """Encode an emulated board's sensor frame; raise FrameError if a value does not fit."""
         return self._sensor.encode(state)
 
     def decode_command(self, frame: bytes, into: BoardCommand | None = None) -> BoardCommand | None:

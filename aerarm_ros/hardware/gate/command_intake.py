@@ -111,7 +111,7 @@ class CommandPublishers:
         self._is_anonymous = False
 
     def look(self, nodes: Mapping[bytes, str]) -> None:
-        """Store the present publishers of joint_command: the full node name per identifier (GID)."""
+        """Store the publishers of joint_command: the full node name per identifier (GID)."""
         self._nodes = nodes
         self.names = tuple(sorted(nodes.values()))
 

@@ -121,7 +121,7 @@ class JointLimiter:
         if position == position and not self.is_inside(position):
             what = f'a position of {position:.3f} rad, outside its limits'
         elif abs(position - q) > self._error_max:
-            what = f'a position of {position:.3f} rad, too far for one step from its {q:.3f} rad'
+            what = f'a position of {position:.3f} rad while it is at {q:.3f}, too far for one step'
         elif abs(velocity) > self._velocity_stop:
             what = (
                 f'a velocity of {velocity:.2f} rad/s, above its limit of {self._velocity_max:.2f}'
@@ -338,7 +338,7 @@ class SafetyGate:
                 barrier.recover(interval)
 
     def limit_effort(self, joint: int, effort: float) -> None:
-        """Set the largest effort [Nm] that a command may request; `joint` is the joint's number."""
+        """Set the largest effort [Nm] that a command may request from the joint of this number."""
         self._joints[joint].effort_limit = effort
 
     def reset_barriers(self) -> None:
@@ -347,7 +347,7 @@ class SafetyGate:
             barrier.restart()
 
     def note_braking(self, now: float) -> None:
-        """Count that a barrier braked a joint at the time `now` [s]."""
+        """Count an intervention of a barrier, which braked a joint at the time `now` [s]."""
         self._note('braking', now)
 
     def follow(
