@@ -80,7 +80,7 @@ class Firmware(Protocol):
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
-        """Send sticks and drone state; return the latest motor pulses (n,) [us], None without."""
+        """Send sticks and drone state; return the latest motor pulses (n,) [us], or None."""
         ...
 
 
@@ -121,7 +121,7 @@ class BetaflightLink:
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
-        """Send sticks and drone state; return the latest motor pulses (n,) [us], None without."""
+        """Send sticks and drone state; return the latest motor pulses (n,) [us], or None."""
         late = self._newest()  # the late answer to the previous state, on a busy host
         self._send(rc_packet(0.0, channels), self._rc_port)
         self._send(state_packet(0.0, rate, force, rotation_wxyz), self._state_port)

@@ -334,7 +334,7 @@ class FirmwareFlight:
 
     @property
     def is_settling(self) -> bool:
-        """Whether the firmware is starting; call `settle` instead of `update` until it ends."""
+        """Whether the firmware is still starting; call `settle` instead of `update` then."""
         return self._held is not None and not self._firmware.is_flying
 
     def reset(self) -> None:

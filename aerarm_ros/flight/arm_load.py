@@ -218,7 +218,7 @@ class ArmForecast:
 
     @property
     def problem(self) -> str:
-        """Reason why the forecast does not use the plan; empty if it does."""
+        """Reason why the forecast ignores the plan; empty while the forecast uses the plan."""
         return self._trust_problem
 
     def offer(self, begin: float, times: Array, q: Array, dq: Array, ddq: Array) -> None:
@@ -404,7 +404,7 @@ class ArmFeedForward:
 
     @property
     def preview(self) -> float:
-        """Time [s] by which a forecast of the arm's motion must reach ahead."""
+        """Time [s] by which a forecast of the arm's motion must precede the motion."""
         return self.lead + _SPACING
 
     def is_late(self, now: float) -> bool:

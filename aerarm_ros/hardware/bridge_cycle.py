@@ -329,7 +329,7 @@ class BridgeCycle:
         state, zeros = self.state, self.zeros
         is_held = self.mode in ('ready', 'running', 'damping')
         if not is_held and self._enabled:
-            return Answer(False, f'arm_mode is {self.mode}, but homing needs ready or idle')
+            return Answer(False, f'the arm is {self.mode}, but homing needs ready or idle')
         refusal = '' if is_held else self.probe.refusal or self._watch.refusal(driven=False)
         refusal = self._search.problem or refusal or zeros.refusal(state.motor_position)
         if not is_held and not refusal:

@@ -172,7 +172,7 @@ _LOAD_SHARE = 0.2
 
 
 class ThermalLimit:
-    """Warns of a warm motor, reduces the torque of a hotter motor, and stops the arm at last.
+    """Warns of a warm motor, then reduces its torque limit, and finally stops the arm.
 
     The limit of the squared current falls with the winding temperature: from the current of the
     effort limit to the continuous current, 5 K below the largest temperature. At that temperature

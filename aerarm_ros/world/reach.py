@@ -146,7 +146,7 @@ class DroneRequest:
         self.reset()
 
     def reset(self) -> None:
-        """Restart the request at the position of the drone that arrives next."""
+        """Restart the request at the next received position of the drone."""
         self._place: Array | None = None
         self._yaw = 0.0
         self._time = 0.0

@@ -178,7 +178,7 @@ class RotorGovernor:
         return float((np.abs(wanted - self._middle) / self._half).max())
 
     def govern(self, motion: PacedMotion) -> PacedMotion:
-        """Return the motion unchanged if the rotors can follow, or slowed along its path.
+        """Return the motion, slowed along its path as far as the rotors require.
 
         Raises
         ------

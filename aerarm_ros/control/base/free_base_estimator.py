@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 
 class FreeBaseMotion(BaseMotion):
-    """Base motion without the acceleration by rotors and arm, which other attributes describe.
+    """Base motion whose accelerations exclude the base's response to rotors and arm.
 
     With the response `M_bb^-1 (w - c_b - M_bj ddq)` of `WholeBodyDynamics`, the base accelerates
     by `s = s_0 + share * response`. The term s_0 consists of `specific_force` and

@@ -181,8 +181,8 @@ REJECTIONS: dict[str, str] = {
     'infinite': 'a value is infinite: check the controller',
     'nan': 'a joint has no reference at all (NaN everywhere): check the controller',
     'unsupported': (
-        'the frame profile has no feed-forward current, so the bridge rejects efforts: use a '
-        'controller without effort'
+        'the frame profile has no feed-forward current, so the bridge cannot apply an effort: '
+        'use a controller without effort'
     ),
     'stale': (
         'the command responds to an old state: check the CPU load of the controller, and the clocks'
