@@ -297,7 +297,7 @@ class MotorReference:
         return self.position - self.zero - self._slope * q - self._intercept
 
     def _integrated(self, step: float, q: float) -> float:
-        """Return the last position reference plus a step [rad], within reach and position limits."""
+        """Return the last position reference plus a step [rad], within reach and limits."""
         last = self.joint_position
         wanted = (last if last == last else q) + step
         least, most = q - self._reach, q + self._reach
