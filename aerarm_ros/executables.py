@@ -59,7 +59,7 @@ _NODES = Path(__file__).parent / 'nodes'
 
 
 def command_modules() -> dict[str, str]:
-    """Return the module of each command by the command's name."""
+    """Return a mapping from the name of each command to its module."""
     paths = sorted(_NODES.rglob('[a-z]*.py'), key=lambda path: path.stem)
     root = Path(__file__).parents[1]
     return {p.stem: '.'.join(p.relative_to(root).with_suffix('').parts) for p in paths}
@@ -71,7 +71,7 @@ def controllers() -> tuple[str, ...]:
 
 
 def __getattr__(name: str) -> Callable[[], int]:
-    """Return the function that runs the command `name`, for `from ... import NAME`."""
+    """Return the function that runs the command `name`, so that entry points can import it."""
     if name.startswith('_'):
         raise AttributeError(name)
     return partial(_run, name)
@@ -97,7 +97,7 @@ def _run(name: str) -> int:
             name,
             f'ROS 2 Jazzy is not found ({error.name} is missing): source '
             "/opt/ros/jazzy/setup.bash, or install its wheels with pip install '.[ros]'"
-            + _without_ros(name),
+            + (f'; {clause}' if (clause := _without_ros(name)) else ''),
         )
     except SystemExit as end:
         if end.code is None or isinstance(end.code, int):  # exit status of argparse
@@ -118,9 +118,9 @@ def program(name: str, arguments: Sequence[str]) -> str:
 
 
 def _without_ros(name: str) -> str:
-    """Return the end of an error message: the options of a command that work without ROS."""
+    """Return a clause for an error message: the options of a command that work without ROS."""
     options, _ = _OFFLINE.get(name, ((), ''))
-    return f'; only {" and ".join(options)} work without ROS' if options else ''
+    return f'only {" and ".join(options)} work without ROS' if options else ''
 
 
 def _serve(name: str) -> int:
@@ -148,7 +148,7 @@ def _do(name: str) -> int:
 
 
 class _Unloaded(ModuleType):
-    """Placeholder for a module, which imports the module when an attribute is first used."""
+    """Placeholder that imports its module when an attribute is first used."""
 
     def __getattr__(self, attribute: str) -> object:
         if attribute.startswith('__'):
@@ -159,7 +159,7 @@ class _Unloaded(ModuleType):
 
 
 class _Early:
-    """Handler of stop signals that arrive before `main` starts, when nothing needs cleaning up."""
+    """Handler of stop signals before `main` starts: exits at once, as nothing needs cleaning up."""
 
     def __init__(self) -> None:
         self.is_over = False

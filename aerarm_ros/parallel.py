@@ -1,4 +1,4 @@
-"""Run a function for many arguments in parallel processes, on this computer or a Ray cluster.
+"""Parallel calls of a function in processes, on this computer or on a Ray cluster.
 
 A run that raises, or whose process is killed, yields a `Failure` and does not affect other runs.
 Each result is yielded as soon as the run ends.
@@ -29,11 +29,11 @@ Item = TypeVar('Item')
 Result = TypeVar('Result')
 
 LOCAL = 'local'
-"""Address that stands for a Ray cluster on this computer, started for the runs."""
+"""Address for a temporary Ray cluster on this computer, which is started for the runs."""
 _TASKS = 25  # runs of a process before a new process replaces it, which bounds its memory
 _GIB = 2**30
 _unprepared: list[str] = []
-"""Error of `prepare` in this worker process; empty without an error."""
+"""Error message of the function `prepare` in this worker process; empty without an error."""
 _KILLED = (
     'a process was killed twice: check the free memory, and whether another program ends processes'
 )
@@ -41,7 +41,7 @@ _KILLED = (
 
 @dataclass(frozen=True)
 class Failure:
-    """Outcome of a run without result, with the reason.
+    """Failed run, with the reason.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def run_each(
     prepare: Callable[[], None] | None = None,
     leave: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, Result | Failure]]:
-    """Run a function for each argument; yield run number and result as soon as a run ends.
+    """Run a function for each argument; yield run number and result when each run ends.
 
     If the caller leaves the iteration early, the processes end after their present runs.
 
@@ -151,7 +151,7 @@ def run_in_order(
 def run_each_on_ray(
     function: Callable[[Item], Result], items: Sequence[Item], address: str = LOCAL
 ) -> Iterator[tuple[int, Result | Failure]]:
-    """Run a function for each argument on a Ray cluster; yield run number and result.
+    """Run a function for each argument on a Ray cluster; yield run numbers and results.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def run_each_on_ray(
 
 
 def _here() -> dict[str, Any]:
-    """Return a Ray runtime environment with the module search path of this process."""
+    """Return a Ray runtime environment that has the module search path of this process."""
     return {'env_vars': {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}}
 
 
@@ -238,7 +238,7 @@ def _pool(workers: int, memory: float, prepare: Callable[[], None] | None) -> Pr
 
 
 def _prepare(memory: float, prepare: Callable[[], None] | None) -> None:
-    """Prepare a worker process: ignore Ctrl-C, limit the memory, and call `prepare`."""
+    """Initialize a worker process: ignore Ctrl-C, limit the memory, and call `prepare`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if memory > 0.0:
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
@@ -253,7 +253,7 @@ def _prepare(memory: float, prepare: Callable[[], None] | None) -> None:
 
 @contextmanager
 def _surroundings_of_workers() -> Iterator[None]:
-    """Start processes in this context with SIGINT blocked and one thread of linear algebra.
+    """Context in which started processes block SIGINT and use one linear algebra thread.
 
     Ctrl-C sends SIGINT to every process of the terminal; only the parent handles it.
     """

@@ -1,4 +1,4 @@
-"""Simulated flight with ArduCopter's firmware (SITL), with feedforward of the arm's motion."""
+"""Simulated flight with the ArduCopter firmware (SITL), with feedforward of the arm's motion."""
 
 from collections.abc import Sequence
 from enum import Enum
@@ -28,9 +28,9 @@ _TEXTS = 50
 
 
 class ArduPilotStage(Enum):
-    """Stage of ArduPilot's start and take-off; the value is the text for the user."""
+    """Stage of ArduPilot's start and take-off; each value is the status text for the user."""
 
-    BOOT = 'no answer from ArduPilot yet: start ArduPilot, with the same autopilot_instance'
+    BOOT = 'no answer from ArduPilot yet: start ArduPilot as instance autopilot_instance'
     SETTLE = "ArduPilot's estimator is settling"
     ARM = 'ArduPilot is arming'
     SPOOL = "ArduPilot's rotors are spooling up"
@@ -84,7 +84,7 @@ class ArduPilotFirmware:
 
     @property
     def problem(self) -> str:
-        """Reason why ArduPilot does not fly the drone; empty if it does."""
+        """Reason why ArduPilot does not fly the drone; empty while ArduPilot flies it."""
         if self._simulator.is_lost:
             return 'ArduPilot has ended: restart ArduPilot and this node'
         if self.stage is not ArduPilotStage.FLY:
@@ -100,7 +100,7 @@ class ArduPilotFirmware:
 
     @property
     def wants_set_points(self) -> bool:
-        """Whether ArduCopter needs set points to arm while the drone is held: never."""
+        """Always False, because ArduCopter can arm without receiving set points."""
         return False
 
     @property
@@ -113,7 +113,7 @@ class ArduPilotFirmware:
         self._companion.send(self._writer.pack(name, **values))
 
     def step(self, state: FlightState, dt: float, is_placed: bool = True) -> Array | None:
-        """Advance ArduPilot by `dt` [s]; return the rotors' thrust fractions (n,), or None.
+        """Advance ArduPilot by `dt` [s]; return n thrust fractions, None without an answer.
 
         ArduPilot reads its gyroscopes at 1 kHz, so it gets several equal samples per step.
         """
@@ -133,7 +133,7 @@ class ArduPilotFirmware:
         return answer
 
     def hold(self, state: FlightState, lift: float) -> Array | None:
-        """Advance ArduPilot by a step while the drone is held; return its thrust fractions.
+        """Advance ArduPilot by a step with the drone held in place; return thrust fractions.
 
         `lift` is the sum of the rotors' thrust fractions that carries the drone.
         """

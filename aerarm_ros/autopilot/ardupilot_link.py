@@ -1,4 +1,4 @@
-"""UDP connection to an ArduPilot program on this host (SITL).
+"""UDP connection to the ArduPilot firmware that runs as a program on this host (SITL).
 
 This package acts as ArduPilot's simulator over its JSON interface (`libraries/SITL/SIM_JSON.cpp`):
 ArduPilot sends the pulses of its motors, waits for one line of sensor data, and advances its clock
@@ -24,7 +24,10 @@ from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.motion.signals import Array
 
 SIMULATOR_PORT, COMPANION_PORT, PORT_STEP = 9002, 14550, 10
-"""UDP ports of this program, and the increment of both per instance (ArduPilot's option -I)."""
+"""UDP ports of simulator and companion for instance 0, and their increment per instance number.
+
+The option -I of ArduPilot sets the instance number.
+"""
 
 _HOST = '127.0.0.1'
 _MOTORS = struct.Struct('<HHI16H')
@@ -54,7 +57,7 @@ def sensor_line(time_s: float, state: FlightState) -> bytes:
 
 
 def motor_shares(packet: bytes) -> tuple[int, Array] | None:
-    """Return number and thrust fractions (16,) of a motor packet, None for other packets."""
+    """Return frame number and thrust fractions (16,) of a motor packet; None for others."""
     if len(packet) != _MOTORS.size:
         return None
     magic, _, number, *pulses = _MOTORS.unpack(packet)
@@ -64,19 +67,19 @@ def motor_shares(packet: bytes) -> tuple[int, Array] | None:
 
 
 class JsonSimulator(Protocol):
-    """Interface of the connection by which this program acts as ArduPilot's simulator."""
+    """Interface of a connection over which this program simulates the drone for ArduPilot."""
 
     is_lost: bool
 
     def step(self, lines: Sequence[bytes]) -> Array | None:
-        """Send lines of sensor data; return the thrust fractions (16,) after the last line."""
+        """Send lines of sensor data; return ArduPilot's answer (16,) to the last line."""
 
     def close(self) -> None:
         """Close the connection."""
 
 
 class JsonLink:
-    """UDP server to which ArduPilot connects, as to its JSON simulator (`--model JSON`).
+    """UDP server that acts as ArduPilot's external simulator (`--model JSON`).
 
     Parameters
     ----------
@@ -127,7 +130,7 @@ class JsonLink:
         self._line.close()
 
     def _receive(self, patience: float) -> bool:
-        """Wait for the next motor packet of ArduPilot, which repeats unanswered packets."""
+        """Wait for ArduPilot's next motor packet, ignore repeated ones; return success."""
         deadline = time.monotonic() + patience
         while select.select([self._line], [], [], max(deadline - time.monotonic(), 0.0))[0]:
             packet, sender = self._line.recvfrom(_CHUNK)

@@ -21,7 +21,7 @@ _LEVEL = np.array([1.0, 1.0, 0.0])
 
 @dataclass(frozen=True)
 class ArduPilotLoop:
-    """Gains of ArduCopter's horizontal position loop, by default those of version 4.7.
+    """Gains of ArduCopter's horizontal position loop, by default those of ArduCopter 4.7.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class ArduPilotLoop:
             non_negative_number(name, value)
 
     def parameters(self) -> Mapping[str, float]:
-        """Return the parameters of the position loop by ArduPilot's names."""
+        """Return the gains of the position loop as a mapping from ArduPilot's parameter names."""
         return {
             'PSC_POSXY_P': self.position_p,
             'PSC_VELXY_P': self.velocity_p,
@@ -73,7 +73,7 @@ class LoopMotion(NamedTuple):
 
 
 class LoopOffset:
-    """Computes a motion of the set point for which ArduCopter commands a given acceleration.
+    """Moves the set point so that ArduCopter commands a given acceleration.
 
     ArduCopter takes position, velocity and acceleration of a set point for one motion that the
     drone shall follow (`AC_PosControl::input_pos_vel_accel_NE_m`). An acceleration next to a
@@ -93,7 +93,7 @@ class LoopOffset:
         self._offset, self._speed, self._sum = np.zeros(3), np.zeros(3), np.zeros(3)
 
     def update(self, wanted: Array, dt: float) -> LoopMotion:
-        """Advance by `dt` [s]; return the added motion for an acceleration (3,) [m/s^2]."""
+        """Advance by `dt` [s]; return the offset that causes an acceleration (3,) [m/s^2]."""
         loop, dt = self._loop, min(dt, _STEP_MAX)
         error = self._speed + loop.position_p * self._offset
         push = wanted * _LEVEL - loop.velocity_p * error - loop.velocity_i * self._sum
@@ -104,7 +104,7 @@ class LoopOffset:
 
 
 class ArduPilotSetPoints:
-    """Creates set point messages for ArduCopter, with feedforward by `LoopOffset`.
+    """Creates set point messages for ArduCopter, with the arm's feedforward by `LoopOffset`.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class ArduPilotSetPoints:
     def message(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
     ) -> tuple[str, dict[str, Any]]:
-        """Return name and fields of the MAVLink set point message, without its time stamp.
+        """Return message name and fields of the MAVLink set point, without its time stamp.
 
         `dt` [s] is the time since the last message. `origin` (3,) is the origin of the target's
         frame in ArduPilot's local frame, north-east-down [m].

@@ -36,7 +36,7 @@ _BENCH_PARAMETERS = {
 
 @dataclass(frozen=True)
 class ArduPilotSetup:
-    """Gains of ArduCopter's loops, and its position source.
+    """Gains and position source of ArduCopter.
 
     Attributes
     ----------
@@ -67,11 +67,11 @@ class ArduPilotSetup:
     others: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the choice of the position source."""
+        """Check that the position source is known; raises ValueError."""
         check_sensors(self.sensors)
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
-        """Return all parameters for a drone by ArduCopter's names.
+        """Return all ArduCopter parameters for a drone as a mapping from their names.
 
         Raises
         ------
@@ -100,12 +100,12 @@ class ArduPilotSetup:
         }
 
     def rate_gain(self, drone: DroneConfig) -> float:
-        """Return the roll or pitch moment per error of the angular velocity [Nm s/rad]."""
+        """Return the roll or pitch loop's moment per angular velocity error [Nm s/rad]."""
         return self.rate_p * moment_unit(drone)
 
 
 def moment_unit(drone: DroneConfig) -> float:
-    """Return the moment [Nm] of ArduCopter's normalized command 1, mean of roll and pitch.
+    """Return the mean roll and pitch moment [Nm] for ArduCopter's normalized command 1.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def moment_unit(drone: DroneConfig) -> float:
 
 
 def motors_of(drone: DroneConfig) -> list[int]:
-    """Return the drone's rotor number for each motor of ArduPilot, in ArduPilot's order.
+    """Return, for each of ArduPilot's motors in order, the number of the drone's rotor.
 
     Raises
     ------
@@ -139,8 +139,8 @@ def motors_of(drone: DroneConfig) -> list[int]:
                 found.append(index)
     if not frame or len(found) != drone.n:
         raise ValueError(
-            f'ArduPilot has no frame for {drone.name}: it flies 4 or 6 level rotors in an X, each '
-            "with the direction of ArduPilot's motor order; check position, axis and "
+            f'ArduPilot has no frame for {drone.name}: ArduPilot flies 4 or 6 level rotors in X '
+            "form, each with the direction of ArduPilot's motor order; check position, axis and "
             'moment_per_thrust in the drone file'
         )
     return found

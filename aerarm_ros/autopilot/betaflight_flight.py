@@ -1,4 +1,4 @@
-"""Simulated flight with Betaflight's firmware, commanded by stick positions."""
+"""Simulated flight with the Betaflight firmware, which receives stick positions."""
 
 from dataclasses import dataclass
 
@@ -36,7 +36,7 @@ _NEAR = 0.2  # largest distance between a rotor and its place in the mixer, rela
 
 @dataclass(frozen=True)
 class BetaflightSetup:
-    """Settings of Betaflight in angle mode: gains, limits and linear sticks.
+    """Settings of Betaflight in angle mode: gains, limits and a linear response to the sticks.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class BetaflightSetup:
     idle: float = 0.055
 
     def commands(self, drone: DroneConfig) -> list[str]:
-        """Return Betaflight's CLI commands for these settings and a drone, without `save`."""
+        """Return the Betaflight CLI commands of these settings for a drone, without `save`."""
         rates = [
             f'set {axis}_{what} = {value}'
             for axis, rate in (('roll', 36), ('pitch', 36), ('yaw', self.yaw_rate // 10))
@@ -102,22 +102,22 @@ class BetaflightSetup:
         ]
 
     def throttle(self, share: float) -> int:
-        """Return the throttle stick [us] at which each motor gives a fraction of its thrust."""
+        """Return the throttle pulse [us] at which each motor gives this fraction of thrust."""
         part = min(max((share - self.idle) / (1.0 - self.idle), 0.0), 1.0)
         return round(_LOW + part * (HIGH - _LOW))
 
     def motors_of(self, drone: DroneConfig) -> list[int]:
-        """Return Betaflight's motor number of each rotor; raise ValueError without a mixer."""
+        """Return the motor number of each rotor; raise ValueError if no mixer fits the drone."""
         motors = _mixer(drone)[1]
         return [motors.index(rotor) for rotor in range(drone.n)]
 
     @property
     def attitude_gain(self) -> float:
-        """Gain of the attitude loop: angular velocity per attitude error [1/s]."""
+        """Gain of the attitude loop, angular velocity per attitude error [1/s]."""
         return 0.1 * self.angle_gain
 
     def rate_gain(self, drone: DroneConfig) -> float:
-        """Return the roll or pitch moment per error of the angular velocity [Nm s/rad]."""
+        """Return the roll or pitch loop's moment per angular velocity error [Nm s/rad]."""
         name, order = _mixer(drone)
         shares = np.array(_MIXERS[drone.n][1])[:, :2]
         places = np.array([drone.rotors[rotor].position for rotor in order])
@@ -134,7 +134,7 @@ class BetaflightSetup:
 
 
 def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
-    """Return Betaflight's mixer for a drone, and the drone's rotor number of each mixer motor."""
+    """Return the name of Betaflight's mixer for a drone, and the rotor number of each motor."""
     if drone.is_fully_actuated or drone.n not in _MIXERS:
         raise ValueError(
             f"loops 'betaflight': {drone.name} is not a quadrotor or hexarotor with its rotors "
@@ -167,7 +167,7 @@ _SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class BetaflightFlight:
-    """Position control by stick commands to Betaflight in angle mode, used as a `FlightControl`.
+    """Position control by stick commands to Betaflight in angle mode, instead of `FlightControl`.
 
     The sticks command roll, pitch, the angular velocity about the vertical, and throttle. The
     position loop uses the mass of drone and arm. The arm's motion is fed forward by the
@@ -242,7 +242,7 @@ class BetaflightFlight:
         return self._fly(state, force, float(np.arctan2(np.sin(turn), np.cos(turn))), dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return thrusts (n,) [N] with which the drone sinks level, if its position is unknown."""
+        """Return thrusts (n,) [N] for a level descent, used if the position is unknown."""
         return self._fly(state, _SINK * self._at_rest.body.mass * GRAVITY * _UP, 0.0, dt)
 
     def _fly(self, state: FlightState, force: Array, turn: float, dt: float) -> Array:
@@ -271,7 +271,7 @@ class BetaflightFlight:
         self.problem = '' if self._is_armed else 'Betaflight is arming'
 
     def _sticks(self, state: FlightState, force: Array, turn: float) -> list[int]:
-        """Return roll, pitch, throttle and yaw sticks for a force in world axes."""
+        """Return the stick positions roll, pitch, throttle, yaw for a force in world axes."""
         setup, heading = self._setup, yaw_of(state.rotation)
         lift = max(force[2], 0.2 * self._at_rest.body.mass * GRAVITY)
         sideways = limited(force[:2], lift * float(np.tan(self._gains.tilt_max)))
@@ -285,5 +285,5 @@ class BetaflightFlight:
 
 
 def _pulse(share: float) -> int:
-    """Return the pulse length [us] of a stick position from -1 to 1."""
+    """Return the pulse length [us] that encodes a stick position from -1 to 1."""
     return round(MIDDLE + 500.0 * min(max(share, -1.0), 1.0))

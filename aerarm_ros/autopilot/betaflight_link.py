@@ -1,4 +1,4 @@
-"""UDP connection to a Betaflight process (SITL) on this host.
+"""UDP connection to the Betaflight firmware that runs as a process on this host (SITL).
 
 The layouts are those of `src/platform/SIMULATOR/target/SITL/target.h` of Betaflight 4.6, little
 endian, as a C compiler for 64 bits lays them out.
@@ -15,12 +15,14 @@ import numpy as np
 from aerarm_ros.motion.signals import Array
 
 MOTOR_PORT, STATE_PORT, RC_PORT = 9001, 9003, 9004
-"""UDP ports of Betaflight: motor outputs (9002 has only the first four), drone state, sticks.
+"""UDP ports of Betaflight for motor outputs, drone state and sticks.
+
+Port 9002 sends only the first four motor outputs.
 """
 
 CHANNELS, MOTORS = 16, 16
 LOW, MIDDLE, HIGH = 1000, 1500, 2000
-"""Pulse lengths [us] of a stick or motor: lowest, middle and highest."""
+"""Lowest, middle and highest pulse length [us] of a stick or motor."""
 
 _STATE = struct.Struct('<d 3d 3d 4d 3d 3d d')
 _RC = struct.Struct(f'<d {CHANNELS}H')
@@ -29,7 +31,7 @@ _PRESSURE = 101325.0  # [Pa]; no used function depends on it
 
 
 def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -> bytes:
-    """Return the UDP packet with the simulated drone's state for Betaflight.
+    """Return the UDP packet that sends Betaflight the state of the simulated drone.
 
     The firmware reverses y and z of the angular velocity and all axes of the acceleration, and
     uses forward-left-up axes. The firmware expects the attitude with y and z of body and world
@@ -52,7 +54,7 @@ def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -
 
 
 def rc_packet(time: float, channels: Sequence[int]) -> bytes:
-    """Return the UDP packet of sticks and switches [us]: roll, pitch, throttle, yaw, AUX1, ..."""
+    """Return the UDP packet of the channels [us] roll, pitch, throttle, yaw, AUX1 and so on."""
     filled = [*channels, *[LOW] * (CHANNELS - len(channels))]
     return _RC.pack(time, *filled)
 
@@ -73,12 +75,12 @@ _ANSWER = 0.02  # [s] longest wait for an answer on a busy host
 
 
 class Firmware(Protocol):
-    """Interface of a connection to a firmware that stick commands control."""
+    """Interface of the connection to a firmware that receives stick positions."""
 
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
-        """Send sticks and drone state; return the newest motor pulses (n,) [us], or None."""
+        """Send sticks and drone state; return the latest motor pulses (n,) [us], or None."""
         ...
 
 
@@ -119,7 +121,7 @@ class BetaflightLink:
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
-        """Send sticks and drone state; return the newest motor pulses (n,) [us], or None."""
+        """Send sticks and drone state; return the latest motor pulses (n,) [us], or None."""
         late = self._newest()  # the late answer to the previous state, on a busy host
         self._send(rc_packet(0.0, channels), self._rc_port)
         self._send(state_packet(0.0, rate, force, rotation_wxyz), self._state_port)

@@ -69,7 +69,7 @@ _SIGNED = 0x01
 
 
 def checksum(data: bytes) -> int:
-    """Return MAVLink's checksum of bytes, a CRC-16/MCRF4XX."""
+    """Return the checksum that MAVLink uses for bytes, a CRC-16/MCRF4XX."""
     turned = crc_hqx(data.translate(_TURNED), 0xFFFF)
     return _TURNED[turned >> 8] | _TURNED[turned & 0xFF] << 8
 
@@ -116,7 +116,7 @@ class MessageLayout:
         self._names = {field.name for field in fields}
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
-        """Return the payload of field values, without trailing zeros; missing fields are 0.
+        """Encode field values as payload without trailing zeros; missing fields are 0.
 
         Raises
         ------
@@ -141,7 +141,7 @@ class MessageLayout:
         return payload.rstrip(b'\0') or b'\0'
 
     def unpack(self, payload: bytes) -> dict[str, Any]:
-        """Return the field values of a payload; missing bytes at its end count as zeros."""
+        """Decode the field values of a payload; missing bytes at its end count as zeros."""
         size = self._struct.size
         flat = self._struct.unpack(payload[:size].ljust(size, b'\0'))
         values: dict[str, Any] = {}
@@ -160,7 +160,7 @@ class MessageLayout:
 
 
 def _declared(text: str) -> list[tuple[str, int, str]]:
-    """Return type, array length (0 for no array) and name of each field in a definition."""
+    """Return type, array length (0 for a scalar) and name of each field in a definition."""
     found = re.findall(r'(\w+)(?:\[(\d+)\])? (\w+)', text)
     return [(kind, int(length or 0), name) for kind, length, name in found]
 
@@ -206,7 +206,7 @@ class Message:
 
 
 class FrameWriter:
-    """Encodes the messages of a sender as MAVLink 2 frames without signature.
+    """Encodes messages of one sender as unsigned MAVLink 2 frames.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class FrameWriter:
         self._sequence = 0
 
     def pack(self, name: str, **values: Any) -> bytes:
-        """Return a message's frame; raise ValueError if a value does not fit its field."""
+        """Encode a message as frame; raise ValueError if a value does not fit its field."""
         layout = LAYOUTS[name]
         payload = layout.pack(values)
         number = layout.number.to_bytes(3, 'little')
@@ -231,7 +231,7 @@ class FrameWriter:
 
 
 class FrameReader:
-    """Decodes messages of `LAYOUTS` from a stream of MAVLink 1 or MAVLink 2 bytes.
+    """Decodes the messages listed in `LAYOUTS` from a byte stream of MAVLink 1 or MAVLink 2.
 
     Other messages are skipped, and so are bytes outside frames, for example after a loss.
 
@@ -246,7 +246,7 @@ class FrameReader:
         self.damaged = 0
 
     def feed(self, data: bytes) -> list[Message]:
-        """Process received bytes; return the messages that are complete."""
+        """Process received bytes; return the messages that these bytes complete."""
         buffer = self._bytes
         buffer += data
         found: list[Message] = []
@@ -265,7 +265,7 @@ class FrameReader:
         return found
 
     def _message(self, frame: bytes) -> list[Message] | None:
-        """Return a frame's message; [] if it is unknown, None if the checksum is wrong."""
+        """Decode a frame; return [] for an unknown message, None for a wrong checksum."""
         if frame[0] == _START_2:
             head, number = _HEAD_2, int.from_bytes(frame[7:10], 'little')
             system, component = frame[5:7]

@@ -1,4 +1,4 @@
-"""State, message streams and commands of an autopilot at the other end of a MAVLink connection."""
+"""Client of an autopilot on a MAVLink connection: its state, message streams and commands."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -64,7 +64,7 @@ class ImuReading(NamedTuple):
 
 
 class MavlinkAutopilot:
-    """Receives the state of an autopilot over MAVLink, and requests the streams for the arm.
+    """Receives an autopilot's state over MAVLink, and requests the messages that the arm needs.
 
     The class sends set points and heartbeats. Only `arm`, `disarm` and `offboard` arm the autopilot
     or change its mode. All times `now` [s] are those of a monotonic clock.
@@ -115,7 +115,7 @@ class MavlinkAutopilot:
         }
 
     def take(self, message: Message, now: float) -> bool:
-        """Process a message; return whether it is a known message of this autopilot."""
+        """Process a message; return whether this autopilot sent it and its type is known."""
         handler = self._handlers.get(message.name)
         if handler is None or message.component != _AUTOPILOT_COMPONENT:
             return False
@@ -146,7 +146,7 @@ class MavlinkAutopilot:
         self._line.send(self._writer.pack(name, **values))
 
     def set_point(self, name: str, now: float, **values: object) -> None:
-        """Send the autopilot a set point with time stamp and address."""
+        """Send the autopilot a set point, completed with time stamp and MAVLink address."""
         self.send(
             name, time_boot_ms=round(1e3 * now) % 2**32, target_system=self._system,
             target_component=_AUTOPILOT_COMPONENT, **values,
@@ -157,11 +157,11 @@ class MavlinkAutopilot:
         self._request(_ARM, 1.0)
 
     def disarm(self) -> None:
-        """Request that the autopilot disarm, which it denies in flight."""
+        """Request that the autopilot disarm; in flight the autopilot denies the request."""
         self._request(_ARM, 0.0)
 
     def offboard(self) -> None:
-        """Request the flight mode that follows set points: offboard (PX4) or guided."""
+        """Request the mode that follows set points: offboard (PX4) or guided (ArduPilot)."""
         self._request(_SET_MODE, _CUSTOM_MODE, _LED.get(self.firmware, _LED[PX4]))
 
     def is_linked(self, now: float) -> bool:
@@ -175,7 +175,7 @@ class MavlinkAutopilot:
 
     @property
     def firmware(self) -> str:
-        """Firmware that the heartbeats report: `PX4`, `ARDUPILOT`, or another number."""
+        """Firmware number in the heartbeats: `PX4`, `ARDUPILOT` or another MAV_AUTOPILOT value."""
         return _FIRMWARES.get(self._make, f'MAV_AUTOPILOT {self._make}')
 
     @property
@@ -191,7 +191,7 @@ class MavlinkAutopilot:
         return f'{name} {_PX4_AUTO[sub]}' if sub in _PX4_AUTO and name == 'auto' else name
 
     def state(self, now: float) -> FlightState | None:
-        """Return the drone's pose and motion, None without recent attitude and position."""
+        """Return the drone's pose and motion; None if attitude or position is out of date."""
         if not self.has_attitude(now) or self._age('place', now) > FRESH or self.attitude is None:
             return None
         rotation = rotation_matrix(self.attitude)
@@ -202,7 +202,7 @@ class MavlinkAutopilot:
         return self._age('attitude', now) < FRESH
 
     def silent(self, now: float) -> list[str]:
-        """Return the names of the requested message streams that do not arrive."""
+        """Return the names of the requested messages that do not arrive."""
         return [name for name, rate in self._rates.items() if rate and self._age(name, now) > _ASK]
 
     def _age(self, stream: str, now: float) -> float:
@@ -228,7 +228,7 @@ class MavlinkAutopilot:
         w, x, y, z = (message[name] for name in ('q1', 'q2', 'q3', 'q4'))
         quaternion = attitude_ned_frd_to_enu_flu([x, y, z, w])
         if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # also rejects NaN
-            self.text = 'ATTITUDE_QUATERNION: NaN, or not a unit quaternion'
+            self.text = 'ATTITUDE_QUATERNION: the attitude contains NaN or is not a unit quaternion'
             return
         self.attitude = quaternion / np.linalg.norm(quaternion)
         self._rate = frd_to_flu([message[f'{axis}speed'] for axis in ('roll', 'pitch', 'yaw')])

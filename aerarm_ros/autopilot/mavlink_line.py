@@ -30,10 +30,10 @@ class Line(Protocol):
         """Number of received frames with a wrong checksum."""
 
     def send(self, frame: bytes) -> None:
-        """Send a MAVLink frame, which is lost if no receiver is known."""
+        """Send a MAVLink frame; the frame is lost if no receiver is known."""
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Wait up to `patience` [s] for a message; return all new messages.
+        """Return all new messages, after waiting up to `patience` [s] for the first one.
 
         Raises
         ------
@@ -46,7 +46,7 @@ class Line(Protocol):
 
 
 class UdpLine:
-    """MAVLink connection over UDP, to a given address or to the first sender of a message.
+    """MAVLink connection over UDP to a given address, or to the sender of the first message.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class UdpLine:
         return self._reader.damaged
 
     def send(self, frame: bytes) -> None:
-        """Send a MAVLink frame, which is lost if the receiver's address is unknown."""
+        """Send a MAVLink frame; the frame is lost while the receiver's address is unknown."""
         if self._peer is None:
             return
         try:
@@ -87,7 +87,7 @@ class UdpLine:
             return
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Wait up to `patience` [s] for a message; return all new messages of the receiver."""
+        """Return new messages of the peer, after waiting up to `patience` [s] for the first."""
         found: list[Message] = []
         select.select([self._socket], [], [], patience)
         while True:
@@ -147,14 +147,14 @@ class SerialLine:
         return self._reader.damaged
 
     def send(self, frame: bytes) -> None:
-        """Send a MAVLink frame, part of which is lost if the device's buffer is full."""
+        """Send a MAVLink frame; bytes that do not fit the device's buffer are lost."""
         try:
             os.write(self._file, frame)
         except OSError:
             return  # `messages` reports a missing device
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Wait up to `patience` [s] for a message; return all new messages.
+        """Return all new messages, after waiting up to `patience` [s] for the first one.
 
         Raises
         ------

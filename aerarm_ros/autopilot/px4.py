@@ -24,7 +24,7 @@ def ned(vector: npt.ArrayLike) -> Array:
 
 
 def frd_rotation(rotation: Array) -> Array:
-    """Convert a rotation matrix (3, 3) between FLU in ENU and FRD in NED."""
+    """Convert a rotation matrix (3, 3) between ROS axes (FLU in ENU) and PX4's (FRD in NED)."""
     return np.asarray((_WORLD @ rotation) * _BODY)
 
 
@@ -34,7 +34,7 @@ def heading(yaw: float) -> float:
 
 
 def torque_unit(drone: DroneConfig) -> Array:
-    """Return the moments (3,) [Nm] about the body axes for PX4's normalized torque 1.
+    """Return the moment [Nm] about each body axis for PX4's normalized torque 1, (3,).
 
     The scaling is that of ControlAllocationPseudoInverse (SYS_CTRL_ALLOC). Roll and pitch are both
     scaled by the smaller of `T_max sqrt(n_x Sx2 / 2)` and `T_max sqrt(n_y Sy2 / 2)`. T_max is the
@@ -50,7 +50,7 @@ def torque_unit(drone: DroneConfig) -> Array:
     effectiveness = drone.allocation * drone.column('thrust_max')
     if np.linalg.matrix_rank(effectiveness[3:]) < 3:
         raise ValueError(
-            'the rotors of the drone file produce no moment about one of its axes: check '
+            'the rotors of the drone file produce no moment about one axis of the drone: check '
             'positions and axes of the rotors'
         )
     mixer = np.linalg.pinv(effectiveness)[:, 3:]
@@ -125,7 +125,7 @@ class Px4Gains:
         mc_yawrate_p: float = 0.2,
         mc_yaw_tq_cutoff: float = 2.0,
     ) -> 'Px4Gains':
-        """Return gains whose velocity loop is scaled in proportion to the position gain.
+        """Return gains with the velocity loop scaled in proportion to the position gain.
 
         The gains `mpc_xy_vel_p_acc` and `mpc_xy_vel_i_acc` are scaled like `mpc_xy_p`, and
         `mc_yawrate_i` by the ratio of `mc_yawrate_p` to its default.
@@ -143,7 +143,7 @@ class Px4Gains:
         )
 
     def __post_init__(self) -> None:
-        """Check that proportional gains are positive and other values not negative."""
+        """Check that proportional gains are positive, and that no other value is negative."""
         for name, value in vars(self).items():
             check = positive if name.endswith(('_p', '_p_acc', '_k')) else non_negative_number
             check(name, value)

@@ -1,4 +1,4 @@
-"""Simulated flight with PX4's firmware (SITL), with feedforward of the arm's motion."""
+"""Simulated flight with the PX4 firmware (SITL), with feedforward of the arm's motion."""
 
 import time
 from enum import Enum
@@ -23,7 +23,7 @@ from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
 
 STEP_US = 4000
-"""Interval of the sensor samples while PX4 starts [us]."""
+"""Interval between sensor samples while PX4 starts [us]."""
 
 _UP = np.array([0.0, 0.0, 1.0])
 _BOOT, _ANSWER = 0.02, 2.0  # [s] of this host: before PX4's first answer, and after it
@@ -41,9 +41,9 @@ _TEXTS = 50  # number of stored messages from PX4
 
 
 class FlightStage(Enum):
-    """Stage of PX4's start and take-off; the value is the text for the user."""
+    """Stage of PX4's start and take-off; each value is the status text for the user."""
 
-    BOOT = 'no answer from PX4 yet: start PX4 before this node, with the same autopilot_instance'
+    BOOT = 'no answer from PX4 yet: start PX4 before this node, as instance autopilot_instance'
     SETTLE = "PX4's estimator is settling"
     ARM = 'PX4 is arming'
     SPOOL = "PX4's rotors are spooling up"
@@ -99,7 +99,7 @@ class Px4Firmware:
 
     @property
     def problem(self) -> str:
-        """Reason why PX4 does not fly the drone; empty if it does."""
+        """Reason why PX4 does not fly the drone; empty while PX4 flies it."""
         if self._simulator.is_lost:
             return 'PX4 has ended or closed the connection: restart PX4 and this node'
         if self.stage is FlightStage.FLY:
@@ -109,7 +109,7 @@ class Px4Firmware:
 
     @property
     def is_flying(self) -> bool:
-        """Whether the drone has been released."""
+        """Whether the simulation has released the drone."""
         return self.stage is FlightStage.FLY
 
     @property
@@ -136,7 +136,7 @@ class Px4Firmware:
         return self._step(state, round(1e6 * dt), is_placed, is_held=False)
 
     def hold(self, state: FlightState, lift: float) -> Array | None:
-        """Advance PX4 by a step while the drone is held; return its thrust fractions (16,).
+        """Advance PX4 by a step with the drone held in place; return thrust fractions (16,).
 
         `lift` is the sum of the rotors' thrust fractions that carries the drone. The result is None
         without an answer.
@@ -255,11 +255,11 @@ class LockstepFirmware(Protocol):
 
     @property
     def problem(self) -> str:
-        """Reason why the firmware does not fly the drone; empty if it does."""
+        """Reason why the firmware does not fly the drone; empty while the firmware flies it."""
 
     @property
     def is_flying(self) -> bool:
-        """Whether the drone has been released."""
+        """Whether the simulation has released the drone."""
 
     @property
     def wants_set_points(self) -> bool:
@@ -267,7 +267,7 @@ class LockstepFirmware(Protocol):
 
     @property
     def time_ms(self) -> int:
-        """Time of the firmware [ms]."""
+        """Present time on the clock of the firmware [ms]."""
 
     def send(self, name: str, **values: object) -> None:
         """Send a MAVLink message."""
@@ -276,7 +276,7 @@ class LockstepFirmware(Protocol):
         """Advance the firmware by `dt` [s]; return thrust fractions, None without an answer."""
 
     def hold(self, state: FlightState, lift: float) -> Array | None:
-        """Advance the firmware by a step while the drone is held; return thrust fractions."""
+        """Advance the firmware a step with the drone held in place; return thrust fractions."""
 
 
 class SetPoints(Protocol):
@@ -288,11 +288,11 @@ class SetPoints(Protocol):
     def message(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
     ) -> tuple[str, dict[str, Any]]:
-        """Return name and fields of the set point message, without its time stamp."""
+        """Return message name and fields of the set point, without its time stamp."""
 
 
 class FirmwareFlight:
-    """Flight control by an autopilot firmware that follows set points, used as a `FlightControl`.
+    """Flight control by an autopilot firmware that follows set points, instead of `FlightControl`.
 
     Parameters
     ----------
@@ -306,7 +306,7 @@ class FirmwareFlight:
     Attributes
     ----------
     problem : str
-        Reason why the firmware does not command the rotors; empty if it does.
+        Reason why the firmware does not command the rotors; empty while it commands them.
     is_settling : bool
         Whether the firmware is starting, so that `settle` must be called.
     """
@@ -329,12 +329,12 @@ class FirmwareFlight:
 
     @property
     def problem(self) -> str:
-        """Reason why the firmware does not command the rotors; empty if it does."""
+        """Reason why the firmware does not command the rotors; empty while it commands them."""
         return self._firmware.problem
 
     @property
     def is_settling(self) -> bool:
-        """Whether the firmware is starting, so that `settle` must be called."""
+        """Whether the firmware is still starting; call `settle` instead of `update` then."""
         return self._held is not None and not self._firmware.is_flying
 
     def reset(self) -> None:
@@ -342,7 +342,7 @@ class FirmwareFlight:
         self._set_points.reset()
 
     def settle(self) -> None:
-        """Advance the firmware's time while the drone is held at its last position."""
+        """Advance the firmware's time with the drone held at its last position."""
         if self._held is None:
             return
         if self._firmware.wants_set_points:
@@ -363,7 +363,7 @@ class FirmwareFlight:
         return self._thrusts()
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return thrusts (n,) [N] that the firmware's failsafe commands without odometry."""
+        """Return thrusts (n,) [N] of the firmware's failsafe, which flies without odometry."""
         self._note(self._firmware.step(state, dt, is_placed=False))
         return self._thrusts()
 

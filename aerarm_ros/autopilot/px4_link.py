@@ -1,4 +1,4 @@
-"""Connections to an autopilot firmware on this host (SITL): as companion, and as PX4's simulator.
+"""Connections to an autopilot firmware on this host (SITL), as companion or PX4's simulator.
 
 In the TCP connection this package acts as PX4's simulator: it sends sensor data and receives thrust
 fractions. PX4's time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). In
@@ -18,12 +18,12 @@ from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
 from aerarm_ros.motion.signals import Array
 
 SIMULATOR_PORT, COMPANION_PORT, OFFBOARD_PORT = 4560, 14540, 14580
-"""TCP port of the simulator, UDP port of the companion, UDP port of PX4, for instance 0."""
+"""TCP port of the simulator, and UDP ports of companion and PX4, for PX4's instance 0."""
 
 _HOST = '127.0.0.1'
 _SYSTEM, _COMPONENT = 245, 191  # ids of this side: MAV_COMP_ID_ONBOARD_COMPUTER
 COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
-"""Fields of the HEARTBEAT of a companion computer."""
+"""Fields of the MAVLink message HEARTBEAT that a companion computer sends."""
 
 _ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _CHUNK = 65536
@@ -43,12 +43,12 @@ class Controls(NamedTuple):
 
 
 class Simulator(Protocol):
-    """Interface of the connection by which this program acts as PX4's simulator."""
+    """Interface of a connection over which this program simulates the drone for PX4."""
 
     is_lost: bool
 
     def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
-        """Send sensor frames, of which the last is a HIL_SENSOR; return PX4's answer."""
+        """Send sensor frames, with a HIL_SENSOR as the last one; return PX4's answer."""
 
     def close(self) -> None:
         """Close the line."""
@@ -61,14 +61,14 @@ class Companion(Protocol):
         """Send a frame."""
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Wait up to `patience` [s] for a message; return all new messages."""
+        """Return all new messages, after waiting up to `patience` [s] for the first one."""
 
     def close(self) -> None:
         """Close the line."""
 
 
 class SimulatorLink:
-    """TCP server to which PX4 connects, as to its simulator.
+    """TCP server to which PX4 connects as to its external simulator.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class SimulatorLink:
 
 
 class CompanionLink:
-    """UDP connection of a companion computer to an autopilot on this host.
+    """UDP connection of this program, as companion computer, to an autopilot on this host.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ class CompanionLink:
             raise ValueError(port_taken('UDP', port, error)) from None
 
     def send(self, frame: bytes) -> None:
-        """Send a MAVLink frame, which is lost if the autopilot does not listen."""
+        """Send a MAVLink frame; the frame is lost if the autopilot's port is closed."""
         if self._autopilot is None:
             return
         try:
@@ -196,7 +196,7 @@ class CompanionLink:
             return
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Wait up to `patience` [s] for a message; return all new messages."""
+        """Return all new messages, after waiting up to `patience` [s] for the first one."""
         found: list[Message] = []
         select.select([self._line], [], [], patience)
         while True:

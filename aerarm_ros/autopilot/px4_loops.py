@@ -24,7 +24,7 @@ _SPIN_CUTOFF = 20.0  # [Hz] IMU_DGYRO_CUTOFF, of the angular acceleration
 
 
 def _low_pass_share(cutoff: float, dt: float) -> float:
-    """Return the weight of a new value in a first-order low-pass filter."""
+    """Return the weight of the new sample in a discrete first-order low-pass filter."""
     return float(1.0 - np.exp(-2.0 * np.pi * cutoff * dt))
 
 
@@ -111,7 +111,7 @@ class Px4Loops:
         return float(np.linalg.norm(thrust)), self._torque(state, thrust, yaw, dt)
 
     def _thrust(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> Array:
-        """Return the commanded thrust (3,) in world axes, as fraction of the largest thrust."""
+        """Return the commanded thrust vector (3,) in NED axes, relative to the largest thrust."""
         error = wanted.position - state.position
         velocity = self._position_p * error + np.nan_to_num(wanted.velocity)
         if self._velocity is not None and dt > 0.0:
@@ -175,12 +175,12 @@ def _attitude(down: Array, yaw: float) -> Array:
 
 
 def _between(start: Array, end: Array) -> Array:
-    """Return the shortest rotation (3, 3) from a first to a second unit vector."""
+    """Return the smallest rotation (3, 3) that turns one unit vector into another."""
     return np.array(pin.Quaternion.FromTwoVectors(start, end).toRotationMatrix())
 
 
 def _sine_vector(rotation: Array) -> Array:
-    """Return twice the vector part (3,) of a rotation's quaternion with positive scalar part."""
+    """Return twice the vector part (3,) of a rotation's quaternion whose scalar is positive."""
     x, y, z, w = quaternion(rotation)
     vector: Array = np.copysign(2.0, w) * np.array([x, y, z])
     return vector
@@ -190,7 +190,7 @@ _SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class Px4Flight:
-    """Flight control by a model of PX4's loops (`Px4Loops`), used as a `FlightControl`.
+    """Flight control by a model of PX4's loops (`Px4Loops`), instead of `FlightControl`.
 
     The only feedforward of the arm is the acceleration of a set point. The loops receive neither
     the moment of the arm's weight nor its inertia. The hover thrust is that of drone and arm at
@@ -247,7 +247,7 @@ class Px4Flight:
         return self._thrusts(state, set_point, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return thrusts (n,) [N] with which the drone sinks level, if its position is unknown."""
+        """Return thrusts (n,) [N] for a level descent, used if the position is unknown."""
         sinking = np.array([0.0, 0.0, (1.0 - _SINK) * GRAVITY])
         here = Px4SetPoint(
             ned(state.position), heading(yaw_of(state.rotation)), np.zeros(3), sinking

@@ -18,7 +18,7 @@ _FIELD = np.array([0.2152, 0.0120, 0.4306])
 _EARTH = 6371000.0  # [m], as in PX4's projection
 _IMU_FIELDS, _MAG_FIELDS, _BARO_FIELDS = 0x3F, 0x1C0, 0x1A00
 FRAME_LOCAL_NED, FRAME_LOCAL_FRD = 1, 20
-"""Values of MAV_FRAME for odometry: PX4 accepts the first, ArduPilot only the second."""
+"""Values of MAV_FRAME for odometry; PX4 requires the first, ArduPilot the second."""
 
 _FRAME_BODY_FRD, _ESTIMATOR_VISION = 12, 2
 _GPS_EVERY, _SLOW_EVERY = 25, 5  # in HIL_SENSOR messages: 10 Hz, 50 Hz
@@ -61,7 +61,7 @@ class SensorFrames:
     def frames(
         self, time_us: int, state: FlightState, is_placed: bool = True, is_held: bool = False
     ) -> list[bytes]:
-        """Return the MAVLink frames at `time_us` [us]: position first, then other sensors.
+        """Return the sensor messages at `time_us` [us]: position first, then other sensors.
 
         The position is that of the previous sample, as odometry or, for GPS sensors, as a GPS
         reading in every 25th call. Without `is_placed` the position is left out.
@@ -122,7 +122,7 @@ class SensorFrames:
 def odometry_frame(
     writer: FrameWriter, time_us: int, state: FlightState, frame: int = FRAME_LOCAL_NED
 ) -> bytes:
-    """Return an ODOMETRY frame: pose in the axes of `frame`, velocity in body axes (FRD)."""
+    """Return an ODOMETRY message: pose in the axes of `frame`, velocity in body axes (FRD)."""
     x, y, z = ned(state.position).tolist()
     qx, qy, qz, qw = pin.Quaternion(frd_rotation(state.rotation)).coeffs().tolist()
     vx, vy, vz = frd_to_flu(state.rotation.T @ state.velocity).tolist()

@@ -25,7 +25,7 @@ _STEP_MAX = 0.05  # [s]
 
 
 def tilt_ahead(gains: Px4Gains, drone: DroneConfig) -> SetPointAcceleration:
-    """Return a `SetPointAcceleration` whose anticipatory tilt inverts PX4's loops.
+    """Return a `SetPointAcceleration` whose anticipatory tilt cancels the lag of PX4's loops.
 
     Raises
     ------
@@ -75,7 +75,7 @@ class Px4SetPoints:
 
     @property
     def needs_state(self) -> bool:
-        """Whether the messages depend on the drone's position and attitude."""
+        """Whether `message` needs the drone's present position and attitude."""
         return self._is_full
 
     def reset(self) -> None:
@@ -85,7 +85,7 @@ class Px4SetPoints:
     def message(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
     ) -> tuple[str, dict[str, Any]]:
-        """Return name and fields of the MAVLink set point message, without its time stamp.
+        """Return message name and fields of the MAVLink set point, without its time stamp.
 
         `dt` [s] is the time since the last message. `origin` (3,) is the origin of the target's
         frame in PX4's local frame, north-east-down [m].

@@ -17,7 +17,7 @@ ROTORS = 12
 """Largest number of motors that PX4 controls."""
 
 AIRFRAME = '10016'
-"""Number of PX4's airframe none_iris, a multirotor with a simulator connected over TCP.
+"""Number of PX4's airframe none_iris, a multirotor whose simulator connects over TCP.
 """
 
 _FRD = np.array([1.0, -1.0, -1.0])
@@ -42,7 +42,7 @@ _BENCH_PARAMETERS = {
 
 @dataclass(frozen=True)
 class Px4Setup:
-    """Gains and position source of PX4, from which its parameters for a drone follow.
+    """Gains and position source from which `parameters` derives PX4's parameters.
 
     Attributes
     ----------
@@ -62,11 +62,11 @@ class Px4Setup:
     others: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the choice of the position source."""
+        """Check that the position source is known; raises ValueError."""
         check_sensors(self.sensors)
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
-        """Return all parameters for a drone by PX4's names.
+        """Return all PX4 parameters for a drone as a mapping from their names.
 
         Parameters
         ----------
@@ -103,24 +103,25 @@ def check_sensors(sensors: str) -> None:
 
 
 def checked_hover_share(drone: DroneConfig, body: MassProperties, rule: str) -> float:
-    """Return the hover thrust of `hover_share`; raise ValueError if it is not 10 to 80 %."""
+    """Return `hover_share`; raise ValueError if its value is not between 10 and 80 %."""
     hover = hover_share(drone, body)
     if not 0.1 <= hover <= 0.8:
         raise ValueError(
-            f'the drone hovers at {100.0 * hover:.0f} % of its thrust, but {rule}: check mass and '
+            f'the drone hovers at {100.0 * hover:.0f} % of its largest thrust, but '
+            f'{rule}: check mass and '
             'thrust_max in the drone file'
         )
     return hover
 
 
 def hover_share(drone: DroneConfig, body: MassProperties) -> float:
-    """Return the hover thrust as a fraction of the largest thrust of all rotors together."""
+    """Return the hover thrust divided by the largest total thrust of all rotors."""
     lift = float(np.abs(drone.allocation[2]) @ drone.column('thrust_max'))
     return body.mass * GRAVITY / lift
 
 
 def force_unit(drone: DroneConfig) -> Array:
-    """Return the forces (3,) [N] along the body axes for PX4's normalized thrust 1.
+    """Return the force [N] along each body axis for PX4's normalized thrust 1, (3,).
 
     ControlAllocationPseudoInverse scales its mixer by one over the mean nonzero entry of a column.
     An axis without entries has the unit of the body's z axis.
@@ -132,7 +133,7 @@ def force_unit(drone: DroneConfig) -> Array:
 
 
 def _geometry(drone: DroneConfig, body: MassProperties) -> dict[str, float]:
-    """Return PX4's parameters for the poses of rotors (CA_*) and IMU."""
+    """Return PX4's parameters that describe the poses of rotors (CA_*) and IMU."""
     found: dict[str, float] = {'CA_AIRFRAME': 0, 'CA_ROTOR_COUNT': drone.n}
     for i, rotor in enumerate(drone.rotors):
         place = _FRD * (np.array(rotor.position) - body.centre)

@@ -69,7 +69,7 @@ class SetPointAcceleration:
         self._lasting: Array | None = None
 
     def update(self, arm: FeedForward, rotation: Array, dt: float) -> Array:
-        """Return the acceleration (3,) [m/s^2] for the set point, in world axes with z up.
+        """Return the set point's acceleration (3,) [m/s^2], in world axes with z up.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class SetPointAcceleration:
         return np.array([x, y, -arm.wrench[2] / arm.body.mass])
 
     def turn(self, arm: FeedForward, dt: float) -> Array:
-        """Return the attitude offset (3,) [rad] for which the autopilot produces the moment M.
+        """Return the attitude offset (3,) [rad] that makes the autopilot produce a moment M.
 
         The offset is in level axes. The offset applies only to a drone with tilted rotors, which
         produces a horizontal force without tilting.
@@ -122,7 +122,7 @@ class SetPointAcceleration:
         return _bounded(rate / self._attitude_gain)
 
     def _passing(self, moment: Array, dt: float) -> Array:
-        """Return the part (3,) of a moment that the autopilot's integral does not compensate."""
+        """Return the varying part (3,) of a moment, which the integral cannot compensate."""
         if self._lasting is None:
             self._lasting = moment
         share = 1.0 - np.exp(-self._integral_rate * dt)
@@ -131,12 +131,12 @@ class SetPointAcceleration:
 
 
 def _lift(arm: FeedForward) -> float:
-    """Return the vertical thrust [N] that balances the weight and the arm's motion."""
+    """Return the vertical thrust [N] that balances weight and the vertical force of the arm."""
     weight = arm.body.mass * GRAVITY
     return float(max(weight - arm.wrench[2], _LIFT_MIN * weight))
 
 
 def _bounded(turn: Array) -> Array:
-    """Return a rotation vector (3,) without vertical component, limited to the largest tilt."""
+    """Return a rotation vector (3,) without its vertical component, limited to 0.35 rad."""
     tilt = turn * [1.0, 1.0, 0.0]
     return np.asarray(tilt * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(tilt)), 1e-9)))

@@ -1,4 +1,4 @@
-"""Control of the arm, without ROS: computes joint commands from joint states and references.
+"""Controllers of the arm, which compute joint commands from states and references, without ROS.
 
 A controller receives measured states, IMU samples, and references of users and planners. A
 controller returns one `JointCommand` per state. The packages, in the order of their imports:

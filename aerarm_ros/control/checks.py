@@ -11,14 +11,14 @@ from aerarm_ros.motion.signals import Array
 
 
 class RejectedInputError(ValueError):
-    """A reference or sensor sample is invalid; the message states the reason and what to check.
+    """Error: a reference or sensor sample is invalid; the message says why and what to check.
 
     The function that raises this error has changed nothing, so the arm continues its motion.
     """
 
 
 def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
-    """Return a copy of non-negative `values` as an (n,) array; a scalar is repeated.
+    """Check that `values` are not negative; return a copy (n,), with a scalar repeated.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
 
 
 def finite(name: str, values: npt.ArrayLike, n: int) -> Array:
-    """Return a copy of finite `values` as an (n,) array; a scalar is repeated.
+    """Check that `values` are finite; return a copy (n,), with a scalar repeated.
 
     Raises
     ------
@@ -107,7 +107,7 @@ class JointLimits:
         return len(self.names)
 
     def order(self, names: Sequence[str]) -> list[int]:
-        """Return the position in `names` of each joint of the arm.
+        """Return, for each joint of the arm, its index in `names`.
 
         Raises
         ------
@@ -122,7 +122,7 @@ class JointLimits:
         return [list(names).index(name) for name in self.names]
 
     def including(self, q: Array) -> 'JointLimits':
-        """Return limits that also include a posture (n,) [rad] outside the present limits."""
+        """Return limits that are widened to include the posture `q` (n,) [rad]."""
         return replace(
             self,
             position_min=np.minimum(self.position_min, q),

@@ -13,7 +13,7 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 
 class ErrorIntegral:
-    """Integral action: `Ki` times the integral of the position error, limited to `+-limit`.
+    """Integral control action: `Ki` times the integral of the error, limited to `+-limit`.
 
     The limit prevents windup at a blocked or saturated joint.
 
@@ -48,7 +48,7 @@ class ErrorIntegral:
 
 
 class Fade:
-    """Weight that moves towards 1 or towards 0 at a constant rate.
+    """Weight from 0 to 1 that fades something in or out at a constant rate.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ class Fade:
         self.share = share
 
     def update(self, dt: float, is_on: bool) -> float:
-        """Move the weight for `dt` [s], towards 1 if `is_on`, else towards 0, and return it."""
+        """Return the weight after `dt` [s], moved towards 1 if `is_on`, else towards 0."""
         change = self._rate * dt
         self.share = min(1.0, self.share + change) if is_on else max(0.0, self.share - change)
         return self.share
 
 
 class FrictionCompensation:
-    """Joint friction of thesis (2.6), smoothed by `tanh(dq / width)`, plus load-dependent friction.
+    """Joint friction of thesis (2.6), smoothed at zero velocity, plus load-dependent friction.
 
     A gear loses a fraction of the transmitted torque, so dry friction is `f_s + f_l |load|`.
     Load-dependent friction matters for loads that vary with the drone: at 4 % of 1.5 Nm, the first
@@ -122,7 +122,7 @@ class FrictionCompensation:
         self._steepness = 1.0 / positive('width', width)
 
     def torque(self, dq: Array, load: Array | None = None, measured: Array | None = None) -> Array:
-        """Return the torques (n,) [Nm] that overcome friction at velocity `dq` (n,) [rad/s].
+        """Return the torques (n,) [Nm] that overcome the friction at velocity `dq` (n,) [rad/s].
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class FrictionCompensation:
         return torque
 
     def slopes(self, dq: Array, load: Array) -> tuple[Array, Array]:
-        """Return the derivatives of `torque` with respect to velocity [Nms/rad] and load [-].
+        """Return the derivatives of the friction by velocity [Nms/rad] and by load torque [-].
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class FrictionCompensation:
 
 
 class MomentumObserver:
-    """Estimates the joint torques r that the model does not explain, with a first-order lag.
+    """Estimates, with a first-order lag, the joint torques r that the model does not explain.
 
     With the momentum `p = B(q) dq`, of which `dp/dt = tau + C^T dq - h + C dq + tau_ext`::
 
@@ -209,7 +209,7 @@ class MomentumObserver:
         self._residual = np.zeros_like(self._residual)
 
     def rebase(self, q: Array, dq: Array, base: BaseMotion | None = None) -> None:
-        """Continue with the same r from a state after lost states or a change of the dynamics.
+        """Restart the observer at a state, but keep r; call after lost states or a new payload.
 
         The momentum of a payload that is declared in motion exists at once and is no torque.
         """
@@ -242,7 +242,7 @@ class MomentumObserver:
     def _momentum(
         self, q: Array, dq: Array, base: BaseMotion | None
     ) -> tuple[Array, Array | float]:
-        """Return the joint momentum, and the part dB/dt dq of its time derivative."""
+        """Return the joint momentum p = B dq, and the part dB/dt dq of dp/dt."""
         if isinstance(base, FreeBaseMotion):
             if self._last_dq is not None:
                 change = self._dynamics.inertia_matrix(q, base) @ (dq - self._last_dq)

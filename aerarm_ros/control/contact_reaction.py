@@ -22,7 +22,7 @@ class ComplyingLaw(Protocol):
 
 
 class ContactReaction:
-    """Stops the arm, moves it back, or makes it compliant when a contact of the arm begins.
+    """Stops the arm, moves it back, or makes it compliant when the arm touches something.
 
     The motion under way stops along its path as fast as the acceleration limits allow. RETREAT then
     returns to where the reference was `retreat_time` before the contact; a second contact on the
@@ -85,11 +85,11 @@ class ContactReaction:
         return self._law.stiffness_share < 1.0
 
     def is_silent(self, now: float) -> bool:
-        """Return whether no report on contact has arrived in the last 0.5 s before `now` [s]."""
+        """Return whether the last contact report is more than 0.5 s older than `now` [s]."""
         return not 0.0 <= now - self._reported < _SILENT
 
     def report(self, in_contact: bool, now: float) -> None:
-        """Process a report, received at `now` [s], that the arm is or is not in contact."""
+        """Process a report, received at `now` [s], of whether the arm is in contact."""
         begins = in_contact and not self.in_contact
         self.in_contact, self._reported = in_contact, now
         if begins:
@@ -98,7 +98,7 @@ class ContactReaction:
                 self._react(now)
 
     def update(self, q: Array, now: float) -> None:
-        """Update the reaction for the arm at `q` (n,) [rad]; call before the control law."""
+        """Update the reaction at the posture `q` (n,) [rad]; call before the control law."""
         self.in_contact = self.in_contact and not self.is_silent(now)
         if self.in_contact:
             self._touched = now
@@ -111,7 +111,7 @@ class ContactReaction:
         self._remember(now)
 
     def check_stream(self) -> None:
-        """Raise RejectedInputError if a contact forbids to follow streamed points."""
+        """Raise RejectedInputError if streamed points are rejected because of a contact."""
         if self.in_contact and self.reaction is not Reaction.REPORT:
             raise RejectedInputError(
                 'streamed point rejected: something touches the arm (contact_reaction '
@@ -120,7 +120,7 @@ class ContactReaction:
             )
 
     def _remember(self, now: float) -> None:
-        """Store the reference for a retreat; after an activation, delete older references."""
+        """Store the reference for a later retreat; clear the store after an activation."""
         past = self._past
         if self._take_overs != self._loop.take_overs:
             self._take_overs = self._loop.take_overs

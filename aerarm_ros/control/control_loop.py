@@ -25,7 +25,7 @@ class ControlLaw(Protocol[Followed]):
     def update(
         self, state: ArmState, reference: Followed, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
-        """Return the command for this cycle of `dt` [s]."""
+        """Return the joint command for this cycle of `dt` [s]."""
         ...
 
 
@@ -39,7 +39,7 @@ class ReferenceSource(Protocol[Produced]):
         """Start the references at the present joint positions q (n,) [rad]."""
 
     def update(self, q: Array, now: float, dt: float) -> Produced:
-        """Return the reference at `now` [s], `dt` [s] after the last call."""
+        """Return the reference at `now` [s]; the previous call was `dt` [s] before."""
         ...
 
 
@@ -54,7 +54,7 @@ _COMPENSATION_FADE = 0.5
 
 
 class ControlLoop(Generic[Reference]):
-    """Computes the joint command that answers a joint state: all steps of a controller.
+    """Computes a joint command from each joint state: all steps of a controller's cycle.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class ControlLoop(Generic[Reference]):
 
     @property
     def disturbance(self) -> Array | None:
-        """Joint torques (n,) [Nm] that the observer estimates as disturbance; None without one."""
+        """Disturbance torques (n,) [Nm] that the observer estimates; None without an observer."""
         return None if self.observer is None else self.observer.residual
 
     def release(self) -> None:
@@ -124,7 +124,7 @@ class ControlLoop(Generic[Reference]):
         self._last = None
 
     def update(self, state: ArmState, now: float) -> JointCommand | None:
-        """Return the joint command for the state at `now` [s], None while there is none.
+        """Return the joint command for the state at `now` [s], None before the second state.
 
         Control starts with the second state, even at an equal time; the first only provides the
         arm's posture.
@@ -153,7 +153,7 @@ class ControlLoop(Generic[Reference]):
         return self._finish(command, dt)
 
     def observe(self) -> None:
-        """Update the disturbance observer and the estimator of the base with the newest state.
+        """Update disturbance observer and base motion estimator with the newest state.
 
         Without this call the next `update` also updates observer and estimator. A call after the
         command is sent removes this computation from the command's delay. The compensation is one

@@ -1,4 +1,4 @@
-"""Draft of an arm's configuration, from a URDF and guessed values."""
+"""Draft of an arm's configuration: values from its URDF, and guesses for all other values."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ OF_URDF = ('position_min', 'position_max', 'velocity_max', 'effort_max', 'viscou
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedDrives:
-    """Friction and rotor inertia of the drives, read from an identification.
+    """Friction and rotor inertia of the drives, read from the result of an identification.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class IdentifiedDrives:
 
 @dataclass(frozen=True)
 class DriveDraft:
-    """Drafted configuration of one joint, with the names of its guessed values.
+    """Drafted configuration of one joint, with a list of the values that are guesses.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ def with_identified(drive: DriveDraft, number: int, identified: IdentifiedDrives
 
 
 def require_turning(robot: Robot) -> None:
-    """Raise DescriptionError unless all joints of the arm are revolute."""
+    """Raise DescriptionError if a joint of the arm is not revolute."""
     for joint in robot.joints:
         if joint.kind == 'prismatic':
             raise DescriptionError(
@@ -207,7 +207,7 @@ def _joint(name: str, number: int, known: dict[str, float]) -> JointConfig:
 
 
 def _motor(effort: float) -> MotorConfig:
-    """Return a motor that provides the joint torque `effort` [Nm] through the guessed gear."""
+    """Return a motor that delivers the joint torque `effort` [Nm] through the guessed gear."""
     constant = effort * _RATIO / _CURRENT_MAX
     return MotorConfig(
         name=f'for_{effort:g}_Nm',
@@ -221,7 +221,7 @@ def _motor(effort: float) -> MotorConfig:
 
 
 def _usable(value: float, most: float) -> float | None:
-    """Return a limit of a URDF; None if it is not positive or is larger than `most`."""
+    """Return a limit from the URDF; None if it is not positive or is larger than `most`."""
     return float(value) if 0.0 < value <= most else None
 
 
@@ -277,7 +277,7 @@ def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple
 
 
 def _rates(mobility: Array, damping: Array) -> tuple[float, float]:
-    """Return the smallest and the largest eigenvalue of M^-1 D over all postures [1/s]."""
+    """Return the extreme eigenvalues [1/s] of mobility times damping, over all postures."""
     root = np.sqrt(damping)
     rates = np.linalg.eigvalsh(root[:, None] * mobility * root)
     return float(rates.min()), float(rates.max())
@@ -292,7 +292,7 @@ _NARROW = 0.01  # [m] clearance required if the requested clearances cannot be k
 
 
 class RestPosture:
-    """Search for a home configuration, which is also the centre of excitations.
+    """Search for a home configuration, about which excitation motions are centred too.
 
     Random postures are drawn about the middle of the joint ranges. Among the postures with at
     least half of the largest clearance, the posture with the smallest holding torques is chosen.
@@ -392,7 +392,7 @@ class RestPosture:
 
 
 def _narrower(surroundings: ExcitationConfig) -> tuple[ExcitationConfig, ...]:
-    """Return the requested surroundings, then surroundings with smaller clearances or no ground."""
+    """Return the requested surroundings, then variants with smaller clearances or no ground."""
     near_ground = replace(surroundings, ground_clearance=_NARROW)
     near = replace(near_ground, self_clearance=_NARROW)
     return surroundings, near_ground, near, replace(near, ground_height=None)
@@ -416,7 +416,7 @@ _CHIP_SELECTS = 2  # number of chip selects per SPI bus
 
 
 class ArmDraft:
-    """Draft of an arm's configuration before any measurement.
+    """Draft of an arm's configuration, made without measurements.
 
     Parameters
     ----------
@@ -498,7 +498,7 @@ def _board(number: int) -> BoardConfig:
 
 
 def _with_dynamics(config: ArmConfig, robot: Robot) -> ArmConfig:
-    """Return the configuration with gains and acceleration limits from the arm's inertia."""
+    """Return the configuration with gains and acceleration limits that suit the arm's inertia."""
     loads = JointLoads(config, robot)
     drive = DriveTrain(config)
     gains = draft_gains(robot, drive.reflected_inertia, loads.damping_min)

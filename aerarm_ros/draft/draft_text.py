@@ -1,4 +1,4 @@
-"""Text of a draft as YAML: marked guesses, and comments on how to determine the true values."""
+"""YAML text of a draft, which marks guesses and explains how to determine the true values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PARTS = ('motor', 'gear')
 
 _HEAD = """\
 The drive train of {name}: motors, gears, boards and joint limits. Drafted from
-{source}. SI units, joint side, unless a line says motor side.
+{source}. SI units, on the joint side unless a line says motor side.
 
 Values that a URDF does not contain are marked "guess". Guessed values suit emulated boards, but
 not real motors. Replace each guess by the real value and delete its mark. Then delete the line
@@ -34,16 +34,17 @@ _ARM_ADVICE = {
     'gravity_in_base': '[m/s^2], gravity in the frame of the base link, as the base is mounted. '
     'An arm that hangs upside down has [0, 0, 9.81].',
     'rest_position': (
-        '[rad], in the order of the joints: free of collisions and easy to hold, judged by the '
-        'URDF. Check it in the browser (view), and set the posture in which the arm is parked.'
+        '[rad], in the order of the joints: a posture without collisions that is easy to hold, '
+        'according to the URDF. Check the posture in the browser (view), or set the posture in '
+        'which the arm is parked.'
     ),
     'rated_payload': 'the largest payload: mass [kg], and x, y, z of its centre of mass in the '
     "frame of the last link's joint [m]. Weigh the payload: its mass "
     'enters the limits.',
-    'boards': 'numbered from 0; two motors per board. device: bus and chip select as wired; '
-    "`ls /dev/spidev*` lists the devices. clock_hz, mode: from the boards' documents.",
+    'boards': 'numbered from 0, with two motors per board. device: SPI bus and chip select of the '
+    "board; `ls /dev/spidev*` lists the devices. clock_hz, mode: from the boards' documents.",
     'motors': 'pole_pairs, kv [rpm/V], current_max [A], resistance [ohm, phase to neutral]: from '
-    'the data sheet; in this draft they follow from each effort limit and the gear. '
+    'the data sheet; this draft computes them from effort limit and gear. '
     'rotor_inertia [kg m^2], and a torque_constant_measured [Nm/A] to add: from '
     'motor_bench. thermal: continuous_current [A] keeps the winding below '
     'temperature_max [degC] as the motor is mounted, without the airflow of a '
@@ -55,7 +56,7 @@ _ARM_ADVICE = {
 }
 _JOINT_ADVICE = {
     'motor, gear': "names of the joint's motor and gear in the lists above.",
-    'board, channel': 'board (its number in the list above) and channel of the motor: see where '
+    'board, channel': 'board (its number in the list above) and channel of the motor: look where '
     'the motor is plugged in.',
     'sign, offset': 'joint angle = sign * ratio * motor angle + offset. With the motors off, '
     'turn the joint by hand and watch joint_states. If the reported angle falls '
@@ -72,7 +73,7 @@ _JOINT_ADVICE = {
     'mount withstand.',
     'effort_max': '[Nm] from the URDF, or three times the weight: at most torque constant * '
     'current_max / ratio, and at most the torque that the gear withstands.',
-    'effort_rate_max': '[Nm/s] full effort within 17 ms: set a rate that the gear teeth withstand.',
+    'effort_rate_max': '[Nm/s] effort_max per 17 ms: set a rate that the gear teeth withstand.',
     'viscous, coulomb': 'friction [Nms/rad], [Nm] from the URDF, or typical of light drives: use '
     'the fv and fs of identifier or motor_bench.',
     'board_kp, board_kd': (

@@ -17,7 +17,7 @@ from aerarm_ros.motion.signals import ArmState, Array, JointMotion
 
 
 class DrivePower:
-    """Electrical power of n drives from joint torque and velocity, thesis (4.1).
+    """Electrical power of n drives as a function of joint torque and velocity, thesis (4.1).
 
     With a quadrature current only, a motor consumes ``3/2 R i^2 + K_i i omega_m``, the sum of
     copper loss and shaft power. A gear with an efficiency below one transmits only a fraction of
@@ -54,7 +54,7 @@ class DrivePower:
         return power
 
     def from_supply(self, electrical: npt.ArrayLike) -> Array:
-        """Return the power from the supply [W] for electrical powers of the motors [W]."""
+        """Return the power drawn from the supply [W], given the electrical motor powers [W]."""
         power = np.asarray(electrical, dtype=float)
         return np.where(power < 0.0, self.recovery * power, power)
 
@@ -104,7 +104,7 @@ class EnergyBalance:
 
     @cached_property
     def parts(self) -> Array:
-        """Causes of the supplied energy (7, n) [J], with rows in the order of `PARTS`."""
+        """Supplied energy by cause (7, n) [J]; the rows are the causes in `PARTS`."""
         return np.array([getattr(self, name) for name in self.PARTS])
 
     @property
@@ -114,12 +114,12 @@ class EnergyBalance:
 
     @property
     def supplied(self) -> Array:
-        """Supplied minus recuperated energy (n,) [J]."""
+        """Net energy (n,) that the supply delivers to each drive [J]."""
         total: Array = self.parts.sum(axis=0)
         return total
 
     def as_text(self, joint_names: tuple[str, ...]) -> str:
-        """Return a table of energies [J] with one line per joint, and their sum."""
+        """Return a text table of energies [J], with one line per joint and one for the sum."""
         heads = [*self.PARTS, 'supplied', 'recovered']
         columns = np.vstack([self.parts, self.supplied, self.recovered])
         table = np.column_stack([columns, columns.sum(axis=1)])
@@ -185,7 +185,7 @@ class EnergyModel:
         self.dynamics.carry(payload)
 
     def friction_of_width(self, width: float) -> FrictionCompensation:
-        """Return the friction model with the smoothing velocity `width` [rad/s]."""
+        """Return the friction model, smoothed over the velocity `width` [rad/s]."""
         share = self.load_friction
         return FrictionCompensation(self._viscous, self._coulomb, width, load_share=share)
 
@@ -223,7 +223,7 @@ class EnergyModel:
     def split(
         self, dt: float, dq: Array, tau: Array, inertia: Array, weight: Array, friction: Array
     ) -> EnergyBalance:
-        """Return the energy balance of M time intervals, from the components of the joint torques.
+        """Return the energy balance of M time intervals, given the components of joint torques.
 
         Parameters
         ----------
@@ -257,7 +257,7 @@ class EnergyModel:
         )
 
     def torques(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
-        """Return torques without friction, and gravity torques, of a motion, (M, n) [Nm]."""
+        """Return the torques of a motion without friction, and its gravity torques, (M, n) [Nm]."""
 
         def rows() -> Iterator[tuple[Array, Array]]:
             for motion in zip(q, dq, ddq, strict=True):
@@ -268,7 +268,7 @@ class EnergyModel:
 
 
 class HoldingLoss:
-    """Copper loss of motors that hold the arm's weight at rest, thesis (4.1)."""
+    """Copper loss of the motors while they hold the arm at rest, thesis (4.1)."""
 
     def __init__(self, model: EnergyModel) -> None:
         self._dynamics = model.dynamics
@@ -280,7 +280,7 @@ class HoldingLoss:
         return float(self._drives.copper(self._dynamics.gravity(q)).sum())
 
     def gradient(self, q: Array) -> Array:
-        """Return the gradient of the copper loss with respect to q, (n,) [W/rad]."""
+        """Return the gradient (n,) of the copper loss by the posture q [W/rad]."""
         rest = self._rest
         weight, slopes, _, _ = self._dynamics.inverse_with_slopes(q, rest, rest)
         gradient: Array = 2.0 * (self._drives.copper_per_torque2 * weight) @ slopes
@@ -323,7 +323,7 @@ class BalanceMeter:
         self._square = np.zeros(model.n)  # [Nm^2 s] time integral of the squared drive torques
 
     def restart(self) -> None:
-        """Discard the last state; the next state starts a new interval."""
+        """Discard the last state, so that the next state starts a new interval."""
         self._begin = None
 
     def add(self, time: float, state: ArmState) -> bool:

@@ -1,4 +1,4 @@
-"""Simulations of controllers on the emulated arm without ROS, faster or slower than real time.
+"""Simulations of controllers on the emulated arm, without ROS and not tied to real time.
 
 All code between control law and physics engine equals that of the real arm: the bridge's cycle with
 its frames, the boards' control laws, quantized encoders and filtered velocities. ROS is omitted, so
@@ -69,14 +69,14 @@ class ExperimentCase:
 
     @property
     def name(self) -> str:
-        """Description of the case for tables."""
+        """Text for tables: control law, observer, model parameters, motion of the drone."""
         observer = ' + observer' if self.observer else ''
         imu = '' if self.base == STILL else ', IMU' if self.aware else ', no IMU'
         return f'{self.law}{observer}; {self.parameters}; {self.base}{imu}'
 
 
 def all_cases() -> list[ExperimentCase]:
-    """Return all cases of experiment 5.4."""
+    """Return all cases of the experiment of thesis 5.4."""
     still = [
         ExperimentCase(law, parameters, observer)
         for law in (GRAVITY, HOST, BOARDS)
@@ -101,7 +101,7 @@ _START_LIMIT = 20.0  # [s] longest time in which the motors must align and the a
 
 
 class MotionSource:
-    """Reference of a controller that follows an excitation motion."""
+    """Source of controller references that follow an excitation motion."""
 
     def __init__(self, motion: RampedExcitation) -> None:
         self._motion = motion
@@ -111,7 +111,7 @@ class MotionSource:
         """Do nothing: the arm is already at the start of the motion."""
 
     def update(self, q: Array, now: float, dt: float) -> JointReference:
-        """Return the reference at `now` [s], constant before the start and after the end."""
+        """Return the reference at `now` [s], at rest before and after the motion."""
         time = min(max(now - self.begin, 0.0), self._motion.duration)
         return JointReference(*self._motion.evaluate(time))
 
@@ -141,7 +141,7 @@ class ExperimentRun:
 
 
 class ExperimentBench:
-    """Simulation of an arm that follows a motion and whose true parameters deviate from CAD.
+    """Simulation of an arm that follows a motion; its true parameters deviate from the CAD model.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ class ExperimentBench:
 def run_all(
     bench: ExperimentBench, cases: Sequence[ExperimentCase], workers: int
 ) -> Generator[ExperimentRun, None, None]:
-    """Yield the run of each case in order; the number of workers does not change the results.
+    """Yield the runs in the order of the cases; the results do not depend on `workers`.
 
     Leaving the iteration early ends the workers.
 
@@ -274,14 +274,14 @@ def run_all(
 
 
 HEADINGS = (
-    'control law; model of the controller; drone',
+    'control law; parameters of its model; motion of the drone',
     'joints RMS [mrad]',
     'joints max [mrad]',
     'joints final [mrad]',
     'tool RMS [mm]',
     'tool max [mm]',
     'tool final [mm]',
-    'RMS relative to the resting arm: joint, tool',
+    'RMS relative to a still drone: joint, tool',
 )
 _MOST_POINTS = 1500
 _TOOL_RMS = HEADINGS.index('tool RMS [mm]')
@@ -343,7 +343,7 @@ class ExperimentReport:
         write_whole(path, text)
 
     def _over_still(self, case: ExperimentCase, rms: Array) -> str:
-        """Return the RMS errors relative to the same case on a still base, as text.
+        """Return, as text, the RMS errors divided by those of the same case on a still base.
 
         The two ratios are those of the worst joint and of the tool. '' for a case with a still
         base, or if that case has not run on a still base.
@@ -355,7 +355,7 @@ class ExperimentReport:
         return '' if still is None else ' '.join(f'{ratio:.2f}' for ratio in rms / still)
 
     def _figure(self) -> Html:
-        """Return a figure with the desired tool path, and the tool path in a selected run."""
+        """Return a figure with the desired tool path and the tool path of a selectable run."""
         shown = np.flatnonzero(self._runs[0].at_full_speed)
         shown = shown[:: max(1, len(shown) // _MOST_POINTS)]
         desired = self._path(self._runs[0].qd[shown])
@@ -391,7 +391,7 @@ class ExperimentReport:
 
 
 def _numbers(row: Sequence[str]) -> list[str | float]:
-    """Return a row of the table with its numeric texts converted to numbers, for the page."""
+    """Return a table row whose numeric texts are converted to numbers, for the page."""
     return [float(x) if x.replace('.', '', 1).isdigit() else x for x in row]
 
 

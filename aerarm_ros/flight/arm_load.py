@@ -1,4 +1,4 @@
-"""The arm's load on its drone, in a form for feedforward."""
+"""Weight, inertia and motion of the arm as a load on the drone, for feedforward."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -38,7 +38,7 @@ class MassProperties:
     def of(
         cls, drone: DroneConfig, arm_mass: float, arm_centre: Array, arm_inertia: Array
     ) -> 'MassProperties':
-        """Return the mass properties of a drone with an arm.
+        """Return the combined mass properties of drone and arm.
 
         Parameters
         ----------
@@ -56,7 +56,7 @@ class MassProperties:
 
 
 class FeedForward(NamedTuple):
-    """Mass properties of drone and arm, and the wrench of the arm's motion on the drone.
+    """Feedforward data: mass properties of drone and arm, and the wrench of the arm's motion.
 
     All quantities are in body axes, with moments about the body frame's origin.
 
@@ -87,7 +87,7 @@ class FeedForward(NamedTuple):
 
 
 class ArmLoad(NamedTuple):
-    """Mass properties of the arm and its wrenches on the drone, at one instant.
+    """Mass properties of the arm at one instant, and its wrenches on the drone.
 
     The load depends only on posture and motion of the joints, not on the drone's IMU, so its
     feedforward closes no feedback loop. All quantities are in the base frame's axes, with moments
@@ -116,7 +116,7 @@ class ArmLoad(NamedTuple):
     motion: Array
 
     def acceleration(self, drone: DroneConfig) -> Array:
-        """Return the acceleration (6,) that the rotors must give to compensate the arm's motion.
+        """Return the acceleration (6,) by the rotors that compensates the arm's motion.
 
         The result is the acceleration of the arm's base origin [m/s^2], then the angular
         acceleration [rad/s^2], in base axes. Its value is minus `motion`, divided by the inertia of
@@ -132,7 +132,7 @@ class ArmLoad(NamedTuple):
 
 
 def at_drone_centre(acceleration: Array, drone: DroneConfig) -> Array:
-    """Convert an acceleration (6,) of the arm's base to that of the drone's centre of mass.
+    """Convert an acceleration (6,) of the arm's base to one of the drone's centre of mass.
 
     The result is in the drone's body axes. Centrifugal terms are neglected, because the body
     rotates slowly.
@@ -147,7 +147,7 @@ _STILL = np.zeros(3)
 
 
 class ArmLoadModel:
-    """Compute an `ArmLoad` from the motion of the joints.
+    """Computes an `ArmLoad` from the motion of the joints.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ _TOO_OLD = 0.5  # [s]; a plan that begins so long before the newest state is out
 
 
 class ArmForecast:
-    """Forecast of the joints' motion at the preview time, from a plan or from measurements.
+    """Forecast of the joints' motion a preview time ahead, from a plan or from measurements.
 
     A controller publishes its planned motion, which is available earlier than any estimate. The
     forecast adds the plan's further motion to the arm's present posture. Without a plan, or if the
@@ -218,11 +218,11 @@ class ArmForecast:
 
     @property
     def problem(self) -> str:
-        """Reason why the plan is not used; empty if it is used."""
+        """Reason why the forecast ignores the plan; empty while the forecast uses the plan."""
         return self._trust_problem
 
     def offer(self, begin: float, times: Array, q: Array, dq: Array, ddq: Array) -> None:
-        """Set a plan: points (M, n) at times (M,) after `begin` [s], rising from 0.
+        """Set the joints' plan: points (M, n) at times (M,) [s] that increase from 0 at `begin`.
 
         Raises
         ------
@@ -238,16 +238,16 @@ class ArmForecast:
         if q.shape != (len(times), self._n):
             raise RejectedInputError(f'planned motion: each point needs values of {self._n} joints')
         if not np.isfinite(times.sum() + q.sum() + dq.sum() + ddq.sum()):
-            raise RejectedInputError('planned motion: its numbers must be finite')
+            raise RejectedInputError('planned motion: all numbers must be finite')
         if times[0] != 0.0 or np.any(np.diff(times) <= 0.0) or times[-1] > _LONGEST:
             raise RejectedInputError(
-                f'planned motion: its times must rise from 0 to {_LONGEST:g} s at most'
+                f'planned motion: times must increase from 0 to {_LONGEST:g} s at most'
             )
         self._path = PolynomialPath.quintic(times, q, dq, ddq)
         self._begin = begin
 
     def motion(self, now: float, measured: JointReference) -> JointReference:
-        """Return the joints' motion, (n,) each, at `now + lead` [s] of an arm measured at `now`."""
+        """Return the joints' motion, (n,) each, predicted for the time `now + lead` [s]."""
         step = now - self._time
         self._time = now
         uses = self._use_measured and self.is_held
@@ -277,7 +277,7 @@ class ArmForecast:
         if elapsed < 0.0 or elapsed + self.lead > self._path.duration:
             if elapsed < -_TOO_OLD or elapsed > self._path.duration + _TOO_OLD:
                 self._path = None
-            return 'no plan for this time'
+            return 'the plan does not cover this time'
         here = self._path.evaluate(elapsed)
         if np.any(np.abs(here.q - measured.q) > _POSTURE):
             return 'the arm is not at its planned position'
@@ -296,7 +296,7 @@ _REACH = 3.0  # [m] largest distance of the centre; a larger one is in another u
 
 
 class ArmFeedForward:
-    """Store stamped mass properties and wrenches of the arm, and return those for a given time.
+    """Stores stamped mass properties and wrenches of the arm, and returns them for a given time.
 
     The last mass properties apply until new ones arrive. Without new messages the wrench of the
     joints' motion fades to zero.
@@ -375,7 +375,7 @@ class ArmFeedForward:
         self._motion.add(stamp, self._in_body(wrench))
 
     def offer_contact(self, stamp: float, wrench: Array) -> None:
-        """Add the wrench (6,) of a planned contact on drone and arm, in the arm's base frame.
+        """Add the wrench (6,) that a planned contact exerts, in the arm's base frame.
 
         The wrench acts from now on, without preview: the end of a contact is not known before.
 
@@ -404,11 +404,11 @@ class ArmFeedForward:
 
     @property
     def preview(self) -> float:
-        """Preview time that a forecast of the arm's motion needs [s]."""
+        """Time [s] by which a forecast of the arm's motion must precede the motion."""
         return self.lead + _SPACING
 
     def is_late(self, now: float) -> bool:
-        """Return whether the arm's forecast exists but ends before `now` [s]."""
+        """Return whether the forecast ends before the time that a command at `now` [s] needs."""
         needs = (
             (self.use_posture, self._arm.newest, now + self.lead),
             (self.use_motion, self._motion.newest, now + self.preview),
@@ -416,7 +416,7 @@ class ArmFeedForward:
         return any(used and newest is not None and newest < need for used, newest, need in needs)
 
     def at(self, now: float) -> FeedForward:
-        """Return the arm's feedforward for a rotor command at `now` [s]."""
+        """Return the arm's feedforward for a rotor command that is sent at `now` [s]."""
         step = min(max(now - self._time, 0.0), _STEP_MAX)
         self._time = now
         last = self._last
@@ -434,7 +434,7 @@ class ArmFeedForward:
         return self._with_contact(fed, now, step)
 
     def _with_contact(self, fed: FeedForward, now: float, step: float) -> FeedForward:
-        """Add the wrench of the planned contact, which fades without new messages."""
+        """Add the wrench of the planned contact, which fades out without new messages."""
         pressed = self._contact.at(now) if self.use_motion else None
         share = self._contact_fade.update(step, pressed is not None)
         if pressed is not None:
@@ -446,7 +446,7 @@ class ArmFeedForward:
         return fed._replace(wrench=fed.wrench + wrench, wrench_now=fed.wrench_now + wrench)
 
     def _motion_at(self, now: float) -> tuple[Array, Array, Array, Array] | None:
-        """Return the wrenches of the arm's motion now and ahead, and the force's derivatives."""
+        """Return the motion's wrenches at `now + lead` and `now`, and the force's derivatives."""
         ahead, motion = now + self.lead, self._motion
         wrench = motion.at(ahead)
         if wrench is None:

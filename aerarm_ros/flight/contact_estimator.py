@@ -1,4 +1,4 @@
-"""Contact estimation in flight from asynchronous messages of drone and arm."""
+"""Contact estimation in flight from the asynchronous messages of drone and arm."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 
 class ContactObserver:
-    """Compare the momentum of drone and arm with the effect of rotors and weight.
+    """Estimates the contact wrench from the momentum that rotors and weight do not explain.
 
     p is the linear momentum, and L the angular momentum about the common centre of mass c, joints
     included, in the world::
@@ -60,12 +60,12 @@ class ContactObserver:
         self.reset()
 
     def reset(self) -> None:
-        """Reset the observer to zero contact."""
+        """Reset the observer, so that it estimates no contact."""
         self._estimate = np.zeros(6)
         self.pause()
 
     def pause(self) -> None:
-        """Keep the estimate over a gap in the data; the next `update` restarts the comparison."""
+        """Keep the estimate during a gap in the data, and restart from the next `update`."""
         self._before: tuple[Array, Array, Array] | None = None
 
     def update(self, state: FlightState, q: Array, dq: Array, rotors: Array, dt: float) -> Array:
@@ -107,7 +107,7 @@ class ContactObserver:
     def _momentum(
         self, state: FlightState, q: Array, dq: Array, rotation: Array
     ) -> tuple[Array, Array]:
-        """Return the momentum (6,) in the world, and the centre of mass in base axes."""
+        """Return the momentum (6,) in world axes, and the centre of mass in base axes."""
         in_body = state.velocity @ state.rotation + cross(state.rate, self._mount)
         twist = np.concatenate([in_body @ self._turn, state.rate @ self._turn])
         momentum = self.whole.centroidal_momentum(q, dq, twist)
@@ -115,18 +115,18 @@ class ContactObserver:
         return np.concatenate([rotation @ momentum[:3], rotation @ momentum[3:]]), centre
 
     def _known(self, rotors: Array, rotation: Array, centre: Array) -> Array:
-        """Return the rate of the momentum due to rotors and weight, (6,)."""
+        """Return the rate of change (6,) of the momentum that rotors and weight cause."""
         force = rotation @ rotors[:3] + self.whole.mass * _WEIGHT
         moment = rotation @ (rotors[3:] - cross(centre, rotors[:3]))
         return np.concatenate([force, moment])
 
 
 DURATION = 2.0
-"""[s] over which the bias is averaged."""
+"""Time [s] over which the bias of the contact estimate is averaged."""
 
 
 class ContactZero:
-    """Subtract the bias that a wrong model of weight and thrust causes.
+    """Subtracts the bias of the contact estimate that a wrong weight or thrust causes.
 
     While the drone hovers, a wrong mass or thrust appears as a constant force in the world frame,
     at a constant point of the drone. The bias therefore consists of a mean force in the world
@@ -139,11 +139,11 @@ class ContactZero:
         self._is_averaging = False
 
     def begin(self) -> None:
-        """Start averaging; the previous bias applies until the average is complete."""
+        """Start to average the bias; the previous bias applies until the average is complete."""
         self._sum, self._time, self._is_averaging = np.zeros(6), 0.0, True
 
     def apply(self, wrench: Array, rotation: Array, dt: float) -> Array:
-        """Return a wrench (6,) in base axes, about the base's origin, minus the bias.
+        """Return a contact wrench (6,), in base axes about the base's origin, without its bias.
 
         Parameters
         ----------
@@ -165,7 +165,7 @@ class ContactZero:
 
 
 FADE_STEP = 0.01
-"""[s] between two messages of a fading estimate."""
+"""Interval [s] of the messages while the contact estimate fades out."""
 
 _FADE = 0.2  # [s] duration of the fade
 _PIECE = 0.004  # [s] over which the rotors' wrench is assumed linear
@@ -175,7 +175,7 @@ _OTHER_CLOCK = 1.0  # [s]
 
 
 class ContactEstimator:
-    """Combine odometry, rotor commands and joint states by their stamps, for a `ContactObserver`.
+    """Passes odometry, rotor commands and joint states of one time to a `ContactObserver`.
 
     All stamps must belong to one clock. A rotor command carries the stamp of the odometry that it
     answers. The command acts from this stamp plus the latency of the rotors' wrench. If an input is
@@ -236,12 +236,12 @@ class ContactEstimator:
         self._rotors.offer(names, thrust, stamp, stamp)
 
     def offer_joints(self, stamp: float, q: Array, dq: Array) -> None:
-        """Process positions [rad] and velocities [rad/s] (n,) of the joints at a stamp [s]."""
+        """Process the joints' positions [rad] and velocities [rad/s], (n,), with stamp [s]."""
         self._now = stamp
         self._joints.add(stamp, np.concatenate([q, dq]))
 
     def problem(self) -> str:
-        """Return why the contact estimate is unavailable, or an empty string."""
+        """Return a text if the contact estimate is unavailable, otherwise an empty string."""
         now = self._now
         if np.isinf(now):
             return 'no joint states yet'
@@ -252,7 +252,7 @@ class ContactEstimator:
         return self._rotors.problem(now)
 
     def update(self) -> tuple[float, Array] | None:
-        """Return time [s] and wrench (6,) of the newest contact estimate, None without a new one.
+        """Return time [s] and wrench (6,) of a new contact estimate, None without a new one.
 
         The wrench has the units and axes of `ContactObserver.update`.
         """
@@ -266,7 +266,7 @@ class ContactEstimator:
         return estimate
 
     def fade(self, dt: float) -> tuple[float, Array] | None:
-        """Fade the last contact wrench; return its time [s] and value (6,), or None at zero."""
+        """Reduce the last contact wrench; return time [s] and wrench (6,), None at zero."""
         if self._wrench is None:
             return None
         # The last estimate may be old, so fade by one step without a jump.
@@ -293,7 +293,7 @@ class ContactEstimator:
         return stamp, wrench
 
     def _mean_wrench(self, end: float, length: float) -> Array:
-        """Return the rotors' mean wrench (6,) over a duration [s] that ends at `end` [s]."""
+        """Return the rotors' mean wrench (6,) over the time `length` [s] before `end` [s]."""
         pieces = max(1, round(min(length, _GAP) / _PIECE))
         middles = end - length * (np.arange(pieces) + 0.5) / pieces
         wrenches = [self._rotors.wrench(float(middle)) for middle in middles]

@@ -1,4 +1,4 @@
-"""Estimators of unmodelled forces on the drone: observer and incremental (INDI)."""
+"""Estimators of unmodelled forces on the drone: by an observer, or incrementally (INDI)."""
 
 from typing import Protocol
 
@@ -36,7 +36,7 @@ _WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 
 class DisturbanceObserver:
-    """Disturbance observer that compares the momentum of drone and arm with its known changes.
+    """Disturbance observer: the change of momentum that known forces do not explain.
 
     The observer is of first order: `d = K (p - int(w + d) dt)`, with the known wrench w and the
     estimate d. The momentum p is that of drone and arm as one rigid body, from odometry and
@@ -58,7 +58,7 @@ class DisturbanceObserver:
         self._estimate = np.zeros(6)
 
     def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
-        """Return the unmodelled wrench (6,), see `Disturbance`."""
+        """Return the unmodelled wrench (6,), see `Disturbance.update`."""
         spin = body.inertia @ state.rate
         velocity = state.velocity + state.rotation @ cross(state.rate, body.centre)
         momentum = np.concatenate([body.mass * velocity, spin])
@@ -76,7 +76,7 @@ class DisturbanceObserver:
 
 
 class IncrementalEstimate:
-    """Correction of the last command by incremental dynamic inversion, as a `Disturbance`.
+    """Incremental dynamic inversion (INDI), expressed as an estimator of the disturbance.
 
     INDI commands `w_f + M (a_wanted - a_f)`. The rotors' wrench w and the measured acceleration a
     pass equal filters (Smeur, Chu and de Croon, J. Guid. Control Dyn. 2016). The command equals `M
@@ -101,7 +101,7 @@ class IncrementalEstimate:
         self._once = self._twice = np.zeros(6)
 
     def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
-        """Return the unmodelled wrench (6,), see `Disturbance`."""
+        """Return the unmodelled wrench (6,), see `Disturbance.update`."""
         rate, before = state.rate, self._rate
         self._rate = rate
         if before is None or dt <= 0.0 or state.specific_force is None:

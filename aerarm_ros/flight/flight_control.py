@@ -20,7 +20,7 @@ _TURN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1e3])  # [Nm], more than any rotors c
 
 
 class Allocation:
-    """Distribute a wrench to the rotors, within their limits.
+    """Distributes a wrench to the rotors, within their limits.
 
     If the rotors cannot give the whole wrench, the moments about the horizontal axes have
     priority, then lift. The moment about the vertical and horizontal forces follow, scaled down
@@ -50,7 +50,7 @@ class Allocation:
         self._min, self._max = drone.column('thrust_min'), drone.column('thrust_max')
 
     def thrusts(self, wrench: Array) -> Array:
-        """Return the thrusts (n,) [N] for a wrench (6,) on the body at its frame's origin."""
+        """Return the thrusts (n,) [N] that produce a wrench (6,) about the body frame's origin."""
         first = self._first(wrench[2] * self._lift, self._tilt @ wrench[3:5])
         rest = self._rest @ wrench[~_FIRST]
         low, high = self._min - first, self._max - first
@@ -61,7 +61,7 @@ class Allocation:
         return thrusts
 
     def turning_moment(self, body: MassProperties) -> float:
-        """Return the largest moment about the vertical [Nm] of a hovering body."""
+        """Return the largest vertical moment [Nm] that the rotors can add to a hover."""
         weight = body.mass * GRAVITY
         force = np.array([0.0, 0.0, weight])
         hover = np.concatenate([force, cross(body.centre, force)])
@@ -69,7 +69,7 @@ class Allocation:
         return float(min(most))
 
     def _first(self, lift: Array, tilt: Array) -> Array:
-        """Return lift and tilting moment, limited to what the rotors can produce."""
+        """Return thrusts for lift and tilting moment within limits; the moment has priority."""
         if (scale := self._scale(lift, tilt)) is not None:
             return scale * lift + tilt
         thrusts: Array = np.clip(lift, self._min, self._max)
@@ -82,7 +82,7 @@ class Allocation:
         return thrusts
 
     def _scale(self, lift: Array, tilt: Array) -> float | None:
-        """Return the factor of the lift, as close to 1 as possible, that permits the moment."""
+        """Return the factor on the lift, as close to 1 as possible, that permits the moment."""
         used = np.abs(lift) > 1e-9
         if np.any(tilt[~used] > self._max[~used]) or np.any(tilt[~used] < self._min[~used]):
             return None
@@ -93,7 +93,7 @@ class Allocation:
 
 @dataclass(frozen=True)
 class FlightGains:
-    """Closed-loop poles of position and attitude; the gains follow from mass and inertia.
+    """Desired closed-loop frequencies and damping of position and attitude.
 
     The attitude loop includes the rotors' lag of some 25 ms, so its frequency times that lag must
     be well below one. The position loop includes the attitude loop, so it is about four times
@@ -138,12 +138,12 @@ class FlightGains:
 
     @property
     def position_frequencies(self) -> npt.NDArray[np.float64]:
-        """Frequencies along the axes of the world, (3,) [rad/s]."""
+        """Frequencies of the position loop along the world's axes, (3,) [rad/s]."""
         return np.array([self.position_frequency, self.position_frequency, self.height_frequency])
 
 
 class RotorEstimate:
-    """Estimate of the rotors' thrusts, which follow commands with each rotor's first-order lag."""
+    """Estimate of the rotors' thrusts: each follows its command with a first-order lag."""
 
     def __init__(self, drone: DroneConfig) -> None:
         self._allocation = drone.allocation
@@ -156,13 +156,13 @@ class RotorEstimate:
         self._command = None
 
     def command(self, thrust: Array) -> None:
-        """Set the commanded thrusts (n,) [N]; the first command applies at once."""
+        """Set the commanded thrusts (n,) [N]; the first command acts without lag."""
         if self._command is None:
             self._thrust = thrust
         self._command = thrust
 
     def advance(self, dt: float) -> Array:
-        """Return the mean wrench (6,) on the body over the next `dt` [s], about its origin."""
+        """Return the rotors' mean wrench (6,) over the next `dt` [s], about the body's origin."""
         if self._command is None:
             return np.asarray(self._allocation @ self._thrust)
         before = self._thrust
@@ -188,7 +188,7 @@ _SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class FlightControl:
-    """Hold a drone with its arm at a position, or move the drone along a path.
+    """Flight controller that holds a drone with its arm at a position, or moves it along a path.
 
     The controlled point is the common centre of mass. The target of the centre of mass is its
     position while the level body is at the body's target. A tilted body is therefore displaced
@@ -281,7 +281,7 @@ class FlightControl:
         return self._thrusts(state, arm, ahead, _attitude(now, yaw), turning, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] for a level, sinking drone whose position is unknown."""
+        """Return thrusts (n,) [N] for a level descent, used if the position is unknown."""
         force = _SINK * self._at_rest.body.mass * GRAVITY * _UP
         wanted = _attitude(_UP, yaw_of(state.rotation))
         self._felt = np.zeros(6)
@@ -318,7 +318,7 @@ class FlightControl:
         return target.acceleration + swung + feedback - self._felt[:3] / body.mass
 
     def _bounded(self, force: Array, mass: float) -> Array:
-        """Return a force plus the weight [N], with limited tilt and a least lift."""
+        """Return a force plus the weight [N], limited in its tilt and with a least lift."""
         sideways = limited(force * _SIDEWAYS, mass * GRAVITY * np.tan(self._gains.tilt_max))
         lift = max(force[2] + mass * GRAVITY, _LIFT_MIN * mass * GRAVITY)
         return np.array([sideways[0], sideways[1], lift])
@@ -336,7 +336,7 @@ class FlightControl:
         turning: Array,
         dt: float,
     ) -> Array:
-        """Return the thrusts (n,) [N] for a force in the world and a desired attitude."""
+        """Return the thrusts (n,) [N] for a force in world axes and a desired attitude."""
         kp, kd, ki = self._attitude_gains
         rotation, body = state.rotation, arm.body
         inertia = body.inertia
@@ -365,23 +365,23 @@ class FlightControl:
 
 
 def _turned(angle: float) -> float:
-    """Return an angle within half a turn [rad]."""
+    """Return an equivalent angle between -pi and pi [rad]."""
     return float(np.arctan2(np.sin(angle), np.cos(angle)))
 
 
 def _heading_rate(state: FlightState) -> Array:
-    """Return the angular velocity (3,) about the vertical [rad/s]."""
+    """Return the vertical part (3,) of the angular velocity [rad/s], in world axes."""
     return float(state.rotation[2] @ state.rate) * _UP
 
 
 def _pid(frequency: Array, damping: float, integral: float) -> tuple[Array, Array, Array]:
-    """Return the P, D and I gains per mass or inertia, (3,): [1/s^2], [1/s], [1/s^3]."""
+    """Return the P, D and I gains per unit of mass or inertia: [1/s^2], [1/s], [1/s^3]."""
     kp = frequency**2
     return kp, 2.0 * damping * frequency, integral * frequency * kp
 
 
 def _attitude(up: Array, yaw: float) -> Array:
-    """Return the rotation whose z axis is along `up` and whose heading is `yaw` [rad]."""
+    """Return the rotation whose z axis points along `up` and whose heading is `yaw` [rad]."""
     z = up / np.linalg.norm(up)
     y = cross(z, np.array([np.cos(yaw), np.sin(yaw), 0.0]))
     y /= np.linalg.norm(y)
@@ -389,7 +389,7 @@ def _attitude(up: Array, yaw: float) -> Array:
 
 
 def _turning(force: Array, rate: Array, curvature: Array) -> Array:
-    """Return angular velocity and acceleration (2, 3) of a force's direction, in the world.
+    """Return angular velocity and acceleration (2, 3) of a force's direction, in world axes.
 
     The result is of first order in the force's rate and has no rotation about the force.
     """

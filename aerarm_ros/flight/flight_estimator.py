@@ -1,4 +1,4 @@
-"""Estimate the drone's state from odometry and IMU, and detect faulty sources."""
+"""Estimation of the drone's state from odometry and IMU, and detection of sensor faults."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class FreezeWatch:
-    """Measure how long a sensor has repeated exactly the same value.
+    """Detects a sensor that repeats exactly the same value.
 
     Parameters
     ----------
@@ -24,14 +24,14 @@ class FreezeWatch:
         self._since = 0.0
 
     def is_frozen(self, reading: Array, now: float, is_moving: bool) -> bool:
-        """Process a reading at `now` [s]; return whether it is frozen while the drone moves."""
+        """Process a reading at `now` [s]; return whether the sensor of a moving drone is frozen."""
         if self._last is None or not np.array_equal(reading, self._last) or not is_moving:
             self._last, self._since = reading, now
         return now - self._since > self._patience
 
 
 SILENCE = 0.1
-"""[s]; a sensor without a good sample for that long is not used."""
+"""Time [s] without a good sample after which the estimator ignores a sensor."""
 
 _FROZEN = 0.1  # [s]
 _MOVING_RATE, _MOVING_SPEED = 0.05, 0.05  # [rad/s], [m/s]
@@ -45,7 +45,7 @@ _AGE_MAX = 0.1  # [s] longest extrapolation of an old odometry
 
 
 class FlightEstimator:
-    """Check samples and combine them to a `FlightState`.
+    """Checks samples of odometry and IMU, and combines them to a `FlightState`.
 
     Position, velocity and attitude come from the odometry, extrapolated by its age with the IMU's
     angular velocity. The state's angular velocity comes from the IMU if its samples arrive. A
@@ -98,7 +98,7 @@ class FlightEstimator:
             reading = np.concatenate([sample.angular_velocity, sample.specific_force])
             if self._frozen_imu.is_frozen(reading, sample.stamp, is_moving):
                 raise RejectedInputError(
-                    'IMU: repeated samples while the drone turns (frozen); check the driver'
+                    'IMU: repeated samples although the drone turns (frozen); check the driver'
                 )
             if np.linalg.norm(rate - odometry.rate) > _GYRO_DOUBT:
                 raise RejectedInputError(
@@ -114,7 +114,7 @@ class FlightEstimator:
         return max(stamps, default=None)
 
     def missing(self) -> list[str]:
-        """Return which of odometry and IMU have lacked a valid sample for too long."""
+        """Return the names of the sensors (odometry, imu) without a recent valid sample."""
         now = self.stamp
         names = ('odometry', self._odometry), ('imu', self._imu)
         return [
@@ -122,7 +122,7 @@ class FlightEstimator:
         ]
 
     def state(self) -> FlightState | None:
-        """Return the drone's state at `stamp` [s], None while the odometry is missing."""
+        """Return the drone's state at the time `stamp`, None while the odometry is missing."""
         now, odometry = self.stamp, self._odometry
         if odometry is None or now is None or _is_old(odometry, now):
             return None
@@ -137,7 +137,7 @@ class FlightEstimator:
         return FlightState(odometry.position + age * velocity, velocity, turned, rate, force)
 
     def attitude_alone(self) -> FlightState | None:
-        """Return the IMU's attitude, with zero position and velocity; None without an attitude."""
+        """Return a state with the IMU's attitude and zero position; None without attitude."""
         now, imu = self.stamp, self._imu
         if imu is None or imu.attitude is None or now is None or _is_old(imu, now):
             return None
@@ -159,7 +159,7 @@ class FlightEstimator:
         reading = np.concatenate([sample.position, sample.attitude])
         if self._frozen_odometry.is_frozen(reading, sample.stamp, is_moving):
             raise RejectedInputError(
-                'odometry: repeated pose while the drone moves (frozen); check its source'
+                'odometry: repeated pose although the drone moves (frozen); check its source'
             )
 
     def _refuse_jump(self, before: OdometrySample, sample: OdometrySample) -> None:
@@ -174,7 +174,7 @@ class FlightEstimator:
             self._doubted_since = sample.stamp  # differs from the previous jump too
         self._doubted = sample
         if sample.stamp - self._doubted_since < _DOUBT:
-            raise RejectedInputError(f'odometry: {jump}')
+            raise RejectedInputError(jump)
         self.jumps += 1
 
 
@@ -183,7 +183,7 @@ def _is_old(sample: OdometrySample | ImuSample, now: float) -> bool:
 
 
 def _jump(before: OdometrySample, sample: OdometrySample) -> str:
-    """Return a text that names the impossible change between two samples, or an empty string."""
+    """Return a text on an impossible change between two samples, or an empty string."""
     step = sample.stamp - before.stamp
     rotation = rotation_matrix(before.attitude)
     place = before.position + step * (rotation @ before.velocity)
@@ -204,7 +204,7 @@ def _jump(before: OdometrySample, sample: OdometrySample) -> str:
         ),
     ):
         if size > limit:
-            return f'its {what} jumps by {size:.2f} {unit}'
+            return f'odometry: the {what} jumps by {size:.2f} {unit} between two samples'
     return ''
 
 

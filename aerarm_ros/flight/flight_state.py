@@ -1,4 +1,4 @@
-"""Pose and motion of the drone."""
+"""Types for pose and motion of the drone: state, target, odometry sample and path."""
 
 from bisect import bisect_right
 from collections import deque
@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class FlightState(NamedTuple):
-    """Pose and velocity of the body frame.
+    """Pose and velocity of the drone's body frame.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ _POSITION_MAX, _SPEED_MAX, _RATE_MAX = 1e5, 100.0, 40.0
 
 @dataclass(frozen=True, eq=False)
 class OdometrySample:
-    """A checked sample with the conventions of nav_msgs/Odometry.
+    """Validated odometry sample with the conventions of nav_msgs/Odometry.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ SET_BACK = 1.0  # [s]; a larger step back means that the clock was set back
 
 
 class StampedValues:
-    """Last values of a stream, interpolated at any time between them.
+    """Buffer of stamped values, which interpolates between them.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class StampedValues:
 
     @property
     def newest(self) -> float | None:
-        """Time of the last value [s], None before the first."""
+        """Time of the newest value [s], None without values."""
         return self._times[-1] if self._times else None
 
     def add(self, time: float, value: Array) -> None:
@@ -157,12 +157,12 @@ class StampedValues:
         self._values.append(value)
 
     def between(self, time: float) -> Array | None:
-        """Return the value at a time [s], None if the time is not between two values."""
+        """Return the interpolated value at a time [s], None if no newer value exists."""
         times = self._times
         return self.at(time) if times and times[0] <= time <= times[-1] else None
 
     def at(self, time: float) -> Array | None:
-        """Return the linearly interpolated value at a time [s]; None if it is unknown."""
+        """Return the value at a time [s], interpolated or held; None if the value is unknown."""
         times, values = self._times, self._values
         if not times or time > times[-1] + self._hold_time:
             return None
@@ -180,7 +180,7 @@ _ACCELERATION_MAX = 20.0  # [m/s^2]
 
 
 class FlightPath:
-    """Quintics through positions and headings, at whose end the drone hovers.
+    """Path of quintics through positions and headings; at its end the drone hovers.
 
     Parameters
     ----------
@@ -217,11 +217,9 @@ class FlightPath:
         v, a = (_rows(values, p.shape) for values in (velocities, accelerations))
         given = [rows for rows in (t, p, yaw, v, a) if rows is not None]
         if not all(np.all(np.isfinite(rows)) for rows in given):
-            raise RejectedInputError('flight path: its numbers must be finite')
+            raise RejectedInputError('flight path: all numbers must be finite')
         if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
-            raise RejectedInputError(
-                'flight path: its times must increase and must not be negative'
-            )
+            raise RejectedInputError('flight path: times must increase and must not be negative')
         if t[0] > 0.0 and start is not None:
             t = np.concatenate([[0.0], t])
             p, yaw = np.vstack([start.position, p]), np.concatenate([[start.yaw], yaw])
@@ -243,8 +241,8 @@ class FlightPath:
         hardest = float(np.linalg.norm(samples.ddq[:, :3], axis=1).max())
         if fastest > _PATH_SPEED_MAX or hardest > _ACCELERATION_MAX:
             raise RejectedInputError(
-                f'flight path: it needs {fastest:.1f} m/s and {hardest:.1f} m/s^2 (limits '
-                f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}); give its points more time'
+                f'flight path: the path needs {fastest:.1f} m/s and {hardest:.1f} m/s^2 (limits '
+                f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}); give the points more time'
             )
 
     @property
@@ -264,13 +262,13 @@ def _rows(values: npt.ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
     rows = np.array(values, dtype=float)
     if rows.shape != shape:
         raise RejectedInputError(
-            'flight path: give a velocity for every point or for none; also for accelerations'
+            'flight path: give velocities, and likewise accelerations, for all points or for none'
         )
     return rows
 
 
 def _slopes(times: Array, values: Array) -> Array:
-    """Return the slope at each point from its neighbours, zero at both ends."""
+    """Return the slope at each point by finite differences; zero at both ends."""
     slopes = np.zeros_like(values)
     slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]
     return slopes

@@ -1,4 +1,4 @@
-"""Hardware bridge without ROS: converts joint commands to SPI frames, and frames to joint states.
+"""ROS-free part of the bridge: converts joint commands to SPI frames, and frames to joint states.
 
 `BridgeCycle` runs one cycle of 1 ms. The gate limits the joint command, the boards package encodes
 it into frames, and a transport exchanges the frames with the motor boards. The cycle returns the

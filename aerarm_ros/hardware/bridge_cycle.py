@@ -1,4 +1,4 @@
-"""Cycle of the bridge, run once per millisecond; it uses neither ROS nor a clock."""
+"""Cycle of the bridge, which runs once per millisecond, without ROS and without a clock."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class BridgeReport:
         self._monitors = [link.monitor for link in links]
 
     def faults(self, mode: str, now: float) -> list[str]:
-        """Return all faults, the latched stop first, then recently rejected or limited commands."""
+        """Return all faults: the latched stop first, then recently rejected or limited commands."""
         intake, gate = self._intake, self._gate
         texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
         for link in self._links:
@@ -218,11 +218,11 @@ class BridgeCycle:
 
     @property
     def faults(self) -> list[str]:
-        """All faults, the latched stop first, then recently rejected or limited commands."""
+        """All faults: the latched stop first, then recently rejected or limited commands."""
         return self._report.faults(self.mode, self._now)
 
     def recovery_hint(self, emulated: bool) -> str:
-        """Return the steps by which the user makes a stopped arm ready again, or ''."""
+        """Return the steps by which the user recovers a stopped arm; '' if it is not stopped."""
         if not self.gate.stop and (self._enabled or not self.zeros.are_lost):
             return ''
         return recovery_hint(
@@ -230,7 +230,7 @@ class BridgeCycle:
         )
 
     def command(self, offered: OfferedCommand, now: float) -> bool:
-        """Process a joint command received at `now` [s, monotonic]; `update` uses this clock too.
+        """Process a joint command received at `now` [s], on the monotonic clock of `update`.
 
         Returns False if the command was rejected; `rejections` counts the reason.
         """
@@ -245,7 +245,7 @@ class BridgeCycle:
         self._references.set_gains(kp, kd, integral_gain)
 
     def check_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
-        """Raise ValueError for board gains that `set_gains` rejects; any thread may call this."""
+        """Raise ValueError for gains that `set_gains` would reject; any thread may call this."""
         self._references.check_gains(kp, kd, integral_gain)
 
     def enable(self) -> Answer:
@@ -268,20 +268,21 @@ class BridgeCycle:
         self._encoders.clear()
 
     def _hold(self) -> Answer:
-        """Hold a damped arm at its present position; an arm that follows a command continues."""
+        """Hold a damped arm at its present position; let an arm that follows a command continue."""
         if self.intake.is_fresh(self._now):
-            return Answer(True, 'already enabled, tracking a command')
+            return Answer(True, 'already enabled: the arm follows a command')
         self._followed = False
         return Answer(True, 'already enabled: the bridge holds the arm in place')
 
     def hold(self) -> Answer:
-        """Request that the bridge hold the arm, not damp it, when commands end."""
+        """Request that the bridge hold the arm when commands end, instead of damping it."""
         if self.mode not in ('ready', 'running', 'damping'):
             first = "'arm clear_fault'" if self.gate.stop else to_switch_on(self.mode)
             return Answer(False, f'arm_mode is {self.mode}: run {first} first')
         self.intake.conclude(self._now)
-        when = ' once commands end' if self.intake.is_fresh(self._now) else ''
-        return Answer(True, f'the bridge holds the arm in place{when}')
+        if self.intake.is_fresh(self._now):
+            return Answer(True, 'the bridge holds the arm in place once commands end')
+        return Answer(True, 'the bridge holds the arm in place')
 
     def disable(self) -> Answer:
         """Request that the boards switch the motors off. The arm falls, so support it."""
@@ -292,7 +293,7 @@ class BridgeCycle:
         return Answer(True, 'the motors are off')
 
     def clear_fault(self) -> Answer:
-        """Leave the arm mode fault: hold the arm if its motors are driven, otherwise go to idle."""
+        """Leave the mode fault: hold the arm if its motors are driven, otherwise go to idle."""
         silent = [link.monitor.name for link in self.links if link.monitor.is_silent]
         if silent and self._enabled:
             # Without a known zero, leaving the fault mode would switch off the boards that damp
@@ -394,7 +395,7 @@ class BridgeCycle:
                 link.switch_off()
 
     def _choose_references(self, now: float, elapsed: float) -> bool:
-        """Set this cycle's motor references; return whether the arm follows a command."""
+        """Select this cycle's motor references; return whether the arm follows a command."""
         references, gate, state = self._references, self.gate, self.state
         if not self._enabled:
             references.switch_off()
@@ -435,7 +436,7 @@ class BridgeCycle:
         return is_followed and self._followed
 
     def _current_command(self, now: float) -> CommandBuffer | None:
-        """Return the command that the arm must follow, None if the arm must be damped."""
+        """Return the command that the arm must follow; None if the bridge must damp the arm."""
         if not self._aligned:
             return None
         if self._search.is_on:

@@ -1,4 +1,4 @@
-"""Modes of the arm that the bridge publishes, and the bridge's answers to requests.
+"""Arm modes that the bridge publishes, and the type of the bridge's answers to requests.
 
 - disconnected: a board does not answer.
 - idle: the boards answer and the motors are off.
@@ -39,7 +39,7 @@ MODES = (
 
 
 OFF = ('idle', 'unhomed')
-'Modes in which the boards answer and the motors are off; a bridge starts in one of them.'
+'Modes in which the boards answer and the motors are off; the bridge starts in one of them.'
 HELD = ('ready', 'running')
 """Modes in which the motors carry the arm's weight, by position control or a command."""
 COMMANDABLE = (*HELD, 'damping')
@@ -47,7 +47,7 @@ COMMANDABLE = (*HELD, 'damping')
 
 
 def to_switch_on(mode: str) -> str:
-    """Return what the user types to switch the motors on, for the present arm mode."""
+    """Return the command by which the user switches the motors on in this arm mode."""
     return (
         "'arm home', with the arm in its home configuration"
         if mode == 'unhomed'
@@ -56,7 +56,7 @@ def to_switch_on(mode: str) -> str:
 
 
 class Answer(NamedTuple):
-    """Answer to a request: whether it was accepted, and the result or the reason to reject it."""
+    """Answer to a request: its acceptance, and the result or the reason for the rejection."""
 
     accepted: bool
     message: str

@@ -1,4 +1,4 @@
-"""Detection of faults of boards, encoders and joints, and check of the arm's holding torques."""
+"""Detection of board, encoder and joint faults, and check of the arm's holding torques."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ class FaultWatch:
         self._until_power_cycle = until_power_cycle
 
     def refusal(self, driven: bool) -> str:
-        """Return why the motors cannot be switched on or, if `driven`, their fault; or ''."""
+        """Return why the motors cannot be switched on (or kept on, if `driven`), or ''."""
         if self._gate.stop:
             return f'clear the fault first: {self._gate.stop}'
         silent = [
@@ -201,7 +201,7 @@ class FaultWatch:
             gate.trip(violation)
 
     def stopped(self, state: ArmMeasurements, driven: bool) -> StoppedArm:
-        """Return the state of the stopped arm; `driven` is true if all motors are driven."""
+        """Return the state of the stopped arm; `driven` tells whether all motors are driven."""
         trusted = self._encoders.trusted.tolist()
         doubted = {
             joint.board for joint, known in zip(self._joints, trusted, strict=True) if not known
@@ -265,7 +265,7 @@ class LoadCheck:
         self._current_error: Array = _CURRENT_ERROR * config.column('effort_max')
 
     def warnings(self, q: Array, held: Array, requested: Array) -> list[str]:
-        """Return warnings about joints whose torque deviates from model or request.
+        """Return warnings about joints whose torque deviates from the model or the request.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Estimates of motor temperatures, with warnings, torque reduction and stop of the arm."""
+"""Estimation of motor temperatures, which cause warnings, torque reduction and a stop."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _HALVINGS = 24
 
 
 class MotorTemperature:
-    """Thermal model of a motor with two bodies: winding with stator, and housing with mount.
+    """Thermal model of a motor as two bodies: winding with stator, and housing with mount.
 
     Copper loss ``3/2 R i^2`` (thesis section 4.1, amplitude of the phase current) enters the
     winding. Heat flows through ``R_wh`` into the housing and through ``R_ha`` into the air. The
@@ -92,7 +92,7 @@ class MotorTemperature:
         return max(self._reported, self._resistance * grown / rated)
 
     def report(self, resistance: float) -> None:
-        """Process the phase resistance [ohm] that the board reports; 0 if it reports none."""
+        """Process the phase resistance [ohm] that the board reports; 0 means unknown."""
         low, high = _PLAUSIBLE
         ratio = resistance / self._resistance
         self._reported = resistance if low < ratio < high else 0.0
@@ -172,7 +172,7 @@ _LOAD_SHARE = 0.2
 
 
 class ThermalLimit:
-    """Warns of a warm motor, reduces its torque limit if it gets warmer, and then stops the arm.
+    """Warns of a warm motor, then reduces its torque limit, and finally stops the arm.
 
     The limit of the squared current falls with the winding temperature: from the current of the
     effort limit to the continuous current, 5 K below the largest temperature. At that temperature
@@ -251,7 +251,7 @@ class ThermalLimit:
         return self.effort_limit < self._effort_max
 
     def recall(self, winding: float, housing: float, away: float) -> None:
-        """Use stored temperatures [degC] after `away` [s] of cooling where they are higher."""
+        """Raise the estimates to stored temperatures [degC], cooled for `away` [s]."""
         motor, most = self.motor, self._temperature_max + _KEPT_MAX
         before = motor.winding, motor.housing
         motor.winding, motor.housing = min(winding, most), min(housing, most)
@@ -266,7 +266,7 @@ class ThermalLimit:
         self._duration += duration
 
     def update(self, resistance: float) -> None:
-        """Update temperatures and torque limit; `resistance` [ohm] is reported, 0 if unknown."""
+        """Update temperatures and torque limit; `resistance` [ohm] is measured, 0 if unknown."""
         duration = self._duration
         if duration <= 0.0:
             return
@@ -288,7 +288,7 @@ class ThermalLimit:
         self.remaining = self.motor.time_until(threshold, self._square)
 
     def add_load(self, load: float) -> None:
-        """Record the load torque [Nm] of the arm's weight and motion, after `update`."""
+        """Record the load torque [Nm] of the arm's weight and motion; call after `update`."""
         self._load += _LOAD_SHARE * (load - self._load)
         share = _HELD if self.is_sinking else _SINKING
         self.is_sinking = self.is_reduced and abs(self._load) > share * self.effort_limit
@@ -299,7 +299,7 @@ class ThermalLimit:
         self._load = 0.0
 
     def stop(self) -> str:
-        """Return why the motor's temperature requires a stop of the arm, or ''."""
+        """Return the reason if the motor's temperature requires a stop of the arm, or ''."""
         if not self._stops:
             return ''
         return (
@@ -310,14 +310,14 @@ class ThermalLimit:
 
     @property
     def wait(self) -> str:
-        """Text that states to which temperature the motor must cool before use, or ''."""
+        """Text on the temperature to which the motor must cool before use, or ''."""
         cool = self._temperature_max - _REDUCTION
         if self.motor.winding <= cool:
             return ''
         return f'wait until the motor of {self._name} has cooled to {cool:.0f} degC'
 
     def refusal(self) -> str:
-        """Return why the motor is too warm to be driven, or ''."""
+        """Return a text if the motor is too warm to be driven, otherwise ''."""
         if not self.wait:
             return ''
         return (
@@ -325,14 +325,14 @@ class ThermalLimit:
         )
 
     def new_warning(self) -> str:
-        """Return the warning if it is the most severe one since the motor was cool, or ''."""
+        """Return the warning if none as severe was returned since the motor was cool, or ''."""
         stage = sum((self._is_warm, self.is_reduced, self.is_sinking, self.is_released))
         rises = stage > self._worst
         self._worst = max(stage, self._worst) if stage else 0
         return self.warning() if rises else ''
 
     def warning(self) -> str:
-        """Return the present warning about the motor temperature, or ''."""
+        """Return the present warning about the motor temperature, '' without one."""
         name, temperature = self._name, f'{self.motor.winding:.0f} degC (estimated)'
         if self.is_released:
             return (
@@ -379,7 +379,7 @@ _COOLINGS = 100  # number of integration steps over the time in which no bridge 
 
 @dataclass(frozen=True)
 class KeptHeat:
-    """Motor temperatures that a bridge estimated at a time [s, monotonic] and stored.
+    """Stored motor temperatures, which a bridge estimated at a time [s, monotonic].
 
     Attributes
     ----------
@@ -495,7 +495,7 @@ class HeatWatch:
         return KeptHeat(now, windings, tuple(motor.housing for motor in motors))
 
     def recall(self, kept: KeptHeat, now: float) -> None:
-        """Use temperatures stored by a previous bridge, cooled since, where they are higher."""
+        """Raise the estimates to the temperatures of a previous bridge, cooled since then."""
         away = max(now - kept.time, 0.0)
         rows = zip(self.limits, kept.windings, kept.housings, strict=False)
         for limit, winding, housing in rows:
@@ -503,11 +503,11 @@ class HeatWatch:
 
     @property
     def wait(self) -> str:
-        """Text that states which motors must cool, and to which temperature, or ''."""
+        """Text on the motors that must cool before use, and to which temperature, or ''."""
         return ', '.join(filter(None, (limit.wait for limit in self.limits)))
 
     def refusal(self) -> str:
-        """Return why a motor is too warm to be driven, or ''."""
+        """Return a text if a motor is too warm to be driven, otherwise ''."""
         return next(filter(None, (limit.refusal() for limit in self.limits)), '')
 
     def warnings(self) -> list[str]:

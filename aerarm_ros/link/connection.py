@@ -1,4 +1,4 @@
-"""Connection over datagrams that repeats lost messages and limits the data rate.
+"""Connection over datagrams that sends lost messages again and limits the data rate.
 
 Each message is repeated until the other end acknowledges it, independently of all others. A lost
 datagram therefore delays one message of one channel, not the connection. Each datagram repeats
@@ -22,11 +22,11 @@ from typing import NamedTuple
 from aerarm_ros.link.sealed import OVERHEAD, Session
 
 DATAGRAM_MAX = 1200
-"""Largest size of a datagram [bytes], which a network forwards without fragmentation."""
+"""Largest size of a datagram [bytes]; networks forward this size without fragmentation."""
 HEADERS = 42
-"""Size of a datagram's Ethernet, IPv4 and UDP headers [bytes], which the rate limit includes."""
+"""Size of a datagram's Ethernet, IPv4 and UDP headers [bytes], which the rate limit counts."""
 SILENCE = 1.0
-"""Time without a datagram [s] after which the connection counts as lost."""
+"""Time without a received datagram [s] after which the connection counts as lost."""
 
 MESSAGE_MAX = 2 * 1024 * 1024
 """Largest size of a message [bytes]."""
@@ -68,7 +68,7 @@ class Received(NamedTuple):
 
 @dataclass(eq=False)
 class SentMessage:
-    """Message in the queue for sending, and whether the other end has received it.
+    """Message in the send queue, with its state of delivery.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class SentMessage:
     _parts: list[_Part] = field(default_factory=list)
 
     def void(self) -> None:
-        """Drop the content of the message, because its lifetime is over or the backlog is full."""
+        """Drop the message's content, as its lifetime is over or the backlog is full."""
         self.is_expired = True
         self.payload = b''
         for part in self._parts:
@@ -214,7 +214,7 @@ class Connection:
         return sum(part.size for waiting in self._waiting for part in waiting)
 
     def _drop_oldest(self) -> bool:
-        """Drop the oldest unsent message of the lowest priority; return whether one was dropped.
+        """Drop the oldest unsent message of the lowest priority; return False if none exists.
 
         A partly sent message is not dropped, because the other end waits for its other parts.
         """
@@ -236,7 +236,7 @@ class Connection:
             del self._messages[message]
 
     def set_value(self, channel: int, payload: bytes) -> None:
-        """Replace the unsent value of a channel, or drop a value too large for a datagram."""
+        """Set the next value to send on a channel; drop a value too large for a datagram."""
         if len(payload) > _PART_MAX:
             self.dropped += 1
         else:
@@ -259,12 +259,12 @@ class Connection:
 
     @property
     def answer(self) -> bytes | None:
-        """Function that replies to the sender of the last datagram, None before the first one."""
+        """Datagram that answers the last received datagram, None if no answer is due."""
         return self._session.answer
 
     @property
     def rejected(self) -> int:
-        """Number of received datagrams that the shared key did not authenticate."""
+        """Number of received datagrams whose authentication with the shared key failed."""
         return self._session.rejected
 
     def is_up(self, now: float) -> bool:
@@ -295,7 +295,7 @@ class Connection:
         return b''.join(body)
 
     def single(self, channel: int, payload: bytes, now_ns: int, system_ns: int) -> bytes:
-        """Return a datagram that contains one value only and does not count for the rate limit.
+        """Return a datagram with a single value, which the rate limit does not count.
 
         Call this method only after the other end has joined.
         """
@@ -304,7 +304,7 @@ class Connection:
         return self._counted(self._session.seal(body))
 
     def _counted(self, datagram: bytes) -> bytes:
-        """Add a datagram to the traffic statistics, and return it."""
+        """Count a datagram in the traffic statistics, and return the datagram."""
         self.traffic.sent += 1
         self.traffic.sent_bytes += len(datagram) + HEADERS
         return datagram
@@ -336,7 +336,7 @@ class Connection:
             yield from ((_PART, content) for content in self._parts_due(BULK, now, room))
 
     def _parts_due(self, priority: int, now: float, room: int) -> Iterator[bytes]:
-        """Yield those parts of messages with this priority that must be sent now and fit."""
+        """Yield the message parts of this priority that are due at `now` and fit into `room`."""
         again = _AGAIN_MIN
         if self.round_trip == self.round_trip:
             again = max(again, 1.5 * self.round_trip + 0.06)
@@ -364,7 +364,7 @@ class Connection:
     # Receiving
 
     def receive(self, datagram: bytes, now: float, now_ns: int, system_ns: int) -> list[Received]:
-        """Process a received datagram: return its content in order, set `answer`, `is_newest`."""
+        """Process a received datagram: return its messages and values, set `is_newest`."""
         opened = self._session.open(datagram, now, self.is_up(now))
         self.is_newest = opened is not None and opened.is_newest
         if self.answer is not None:
@@ -490,7 +490,7 @@ class Connection:
     # Messages
 
     def _begin_again(self) -> None:
-        """Reset all numbers and queue all messages again, because the other end restarted."""
+        """Reset all sequence numbers and requeue all messages, as the other end restarted."""
         self._next = self._confirmed_below = 0
         self._received_numbers = (0, 0)
         self._incoming.clear()
@@ -525,7 +525,7 @@ class Connection:
         self._waiting[message.priority].extend(message._parts)
 
     def _expire(self, now: float) -> None:
-        """Drop the content of expired messages, of which only the numbers are still sent."""
+        """Drop the content of expired messages; only their numbers are still sent."""
         for message in self._messages:
             if message.expires < now and not message.is_expired:
                 message.void()
@@ -545,7 +545,7 @@ def _entries(body: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _joined(parts: dict[int, tuple[int, bytes]]) -> bytes | None:
-    """Return the content of a message from its parts, None if it was dropped or is malformed."""
+    """Join the parts of a message; return None for a dropped or malformed message."""
     if any(flags & _VOID for flags, _ in parts.values()):
         return None
     payload = b''.join(parts[index][1] for index in sorted(parts))

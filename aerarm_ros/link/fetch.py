@@ -19,12 +19,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 BLOCK = 1024
-"""Size of a block [bytes]."""
+"""Size of a block, the unit of a file transfer [bytes]."""
 ASKED_MAX = 32
 """Largest number of blocks per request."""
 _MARKER = '.fetch'  # file with the manifest of an incomplete bag
 PARTIAL = '.part'
-"""Suffix of an incomplete file."""
+"""Suffix of the name of an incomplete file."""
 
 _HEAD = struct.Struct('<HHI')  # manifest, file, block
 _QUESTION = struct.Struct('<HB')  # manifest, number of blocks
@@ -39,12 +39,12 @@ _NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
 
 
 def is_name(text: str) -> bool:
-    """Return whether a text is a permitted name of a bag or file: no path, no hidden file."""
+    """Return whether a text is a permitted name of a bag or file, not a path or hidden file."""
     return _NAME.fullmatch(text) is not None
 
 
 def questions(content: bytes) -> tuple[int, list[bytes]]:
-    """Decode a request for blocks: number of the manifest, and the packed block numbers.
+    """Decode a request for blocks into the manifest's number and the packed block numbers.
 
     Raises struct.error if the request is truncated.
     """
@@ -54,7 +54,7 @@ def questions(content: bytes) -> tuple[int, list[bytes]]:
 
 
 class FileServer:
-    """Read the requested blocks of the files in one folder.
+    """Reads requested blocks of the files in one folder.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class FileServer:
         self._open: tuple[int, BinaryIO] | None = None
 
     def answer(self, place: bytes) -> bytes:
-        """Return the answer with the block at `place`, which packs a file and a block number.
+        """Return the answer that contains the block at `place`, a packed file and block number.
 
         Raises
         ------
@@ -100,21 +100,21 @@ class FileServer:
         return _HEAD.pack(self._number, file, block) + content
 
     def close(self) -> None:
-        """Close the file from which the last block was read."""
+        """Close the file that the last read block belongs to."""
         if self._open is not None:
             self._open[1].close()
             self._open = None
 
 
 def _cached(file: int, size: int, offset: int) -> bytes:
-    """Read bytes of a file, or raise BlockingIOError if they are not in the page cache."""
+    """Read bytes of a file; raise BlockingIOError if the page cache does not contain them."""
     if not hasattr(os, 'RWF_NOWAIT'):  # not Linux
         return os.pread(file, size, offset)
     content = bytearray(size)
     try:
         count = os.preadv(file, [content], offset, os.RWF_NOWAIT)
         if count < size and offset + count < os.fstat(file).st_size:
-            raise BlockingIOError(errno.EAGAIN, 'the rest of the block is not in the page cache')
+            raise BlockingIOError(errno.EAGAIN, 'the page cache contains only a part of the block')
     except BlockingIOError:
         os.posix_fadvise(file, offset, _AHEAD, os.POSIX_FADV_WILLNEED)
         raise
@@ -126,7 +126,7 @@ def _cached(file: int, size: int, offset: int) -> bytes:
 
 
 class Fetch:
-    """Fetch the files of a manifest into a folder, in order and block by block.
+    """Fetches the files of a list (manifest) into a folder, in order and block by block.
 
     Parameters
     ----------
@@ -171,16 +171,16 @@ class Fetch:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all files are stored."""
+        """Whether all files of the manifest are stored."""
         return self._file >= len(self._files)
 
     @property
     def is_storing(self) -> bool:
-        """Whether the disk is still storing a received file, for which the next file waits."""
+        """Whether a received file is still being stored, before the next file can begin."""
         return self._storing is not None
 
     def question(self, now: float, delay: float, round_trip: float) -> bytes | None:
-        """Return the next block request, or None if no block must be requested now.
+        """Return the next block request, None if no request is due.
 
         Raises OSError if a file cannot be stored.
 
@@ -261,7 +261,7 @@ class Fetch:
         self._credit = min(self._credit + elapsed * self._pace, 0.1 * self._pace + 1.0)
 
     def _claim(self, folder: Path) -> None:
-        """Write the list of files into the folder, or raise ValueError if another bag is there."""
+        """Store the manifest in the folder; raise ValueError if the folder has another bag."""
         self._marker = folder / _MARKER
         paths = {folder / name: size for name, size in self._files}
         if all(path.is_file() and path.stat().st_size == size for path, size in paths.items()):
@@ -276,7 +276,7 @@ class Fetch:
         self._marker.write_text(text)
 
     def _next_file(self) -> None:
-        """Open the next file that is not complete."""
+        """Open the next incomplete file."""
         self._waiting: dict[int, bytes] = {}
         self._asked: dict[int, float] = {}
         self._block = self._blocks = 0
@@ -303,13 +303,13 @@ class Fetch:
             return
 
     def _store(self) -> None:
-        """Flush the received file to the disk in the worker thread."""
+        """Start to flush the received file to the disk, in a worker thread."""
         assert self._stream is not None
         self._storing = self._worker.submit(_stored, self._stream)
         self._stream = None
 
     def _rename(self) -> None:
-        """Rename the stored file and open the next one."""
+        """Give the stored file its final name, and open the next file."""
         storing, self._storing = self._storing, None
         assert storing is not None
         storing.result()
@@ -325,7 +325,7 @@ def _stored(stream: BinaryIO) -> None:
 
 
 def _files_of(manifest: object) -> list[tuple[str, int]]:
-    """Return name and size [bytes] of each file, or raise ValueError for an invalid manifest."""
+    """Return name and size [bytes] of each file; raise ValueError for an invalid manifest."""
     try:
         files = [(str(name), int(size)) for name, size in manifest]  # type: ignore[attr-defined]
     except (TypeError, ValueError, OverflowError):

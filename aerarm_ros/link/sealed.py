@@ -1,4 +1,4 @@
-"""Encryption and authentication of datagrams with a shared key, and the handshake of both ends.
+"""Encryption and authentication of datagrams with a shared key, and the connection handshake.
 
 ChaCha20-Poly1305 (RFC 8439) of the library `cryptography` seals each datagram. The key of a session
 is derived from the shared key and a random number, the session number, so no counter is used twice
@@ -29,7 +29,7 @@ KEY_SIZE = 32
 """Size of the shared key [bytes]."""
 SESSION_SIZE = 8
 NO_SESSION = bytes(SESSION_SIZE)
-"""Value for the receiver's session number in a datagram if that number is unknown."""
+"""Placeholder for the receiver's session number while the sender does not know it."""
 OVERHEAD = SESSION_SIZE + 8 + SESSION_SIZE + 16
 """Number of bytes that encryption adds to the content of a datagram."""
 
@@ -46,7 +46,7 @@ _SETTLING = 1.0
 
 
 def looks_sealed(datagram: bytes) -> bool:
-    """Return whether a datagram can be one of this protocol, though sealed with another key."""
+    """Return whether a datagram has this protocol's format, whatever its key is."""
     if len(datagram) < OVERHEAD:
         return False
     _, counter = _HEADER.unpack_from(datagram)
@@ -54,7 +54,7 @@ def looks_sealed(datagram: bytes) -> bool:
 
 
 class KeyFileError(ValueError):
-    """The key file is missing or invalid; the message states what to do."""
+    """Error: the key file is missing or invalid; the message states what to do."""
 
 
 def make_key(path: Path) -> None:
@@ -122,7 +122,7 @@ class Opened(NamedTuple):
 
 
 class Session:
-    """Connect this end with the other end; encrypt sent and decrypt received datagrams.
+    """One end of an encrypted connection: handshake, encryption and decryption of datagrams.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class Session:
     answer
         Reply to the sender of the datagram that was received last, or None.
     rejected
-        Number of received datagrams that the shared key did not authenticate.
+        Number of received datagrams whose authentication with the shared key failed.
     """
 
     def __init__(self, key: bytes, role: str, other_role: str) -> None:
@@ -161,12 +161,12 @@ class Session:
         return self._offer(now).seal(NO_SESSION, b'')
 
     def seal(self, body: bytes) -> bytes:
-        """Return a datagram to the connected end with the encrypted content `body`."""
+        """Encrypt `body` as a datagram for the connected end."""
         assert self._own is not None
         return self._own.seal(self._peer.session, body)
 
     def open(self, datagram: bytes, now: float, is_up: bool) -> Opened | None:
-        """Decrypt a datagram that arrived at `now` [s], and set `answer` if it was a greeting.
+        """Decrypt a datagram received at `now` [s]; set `answer` if it requests a connection.
 
         The result is None unless the datagram is authentic, addressed to the current session,
         and neither repeated nor much older than others.
@@ -207,7 +207,7 @@ class Session:
         return None
 
     def _greeted(self, session: bytes, now: float) -> None:
-        """Answer a greeting, which may be a replayed one, at a limited rate."""
+        """Answer a connection request (greeting), at a limited rate because of replays."""
         answered = self._answered
         recent = {key: when for key, when in answered.items() if now - when < _ANSWER_EVERY}
         if session not in recent and len(recent) < _ANSWERS:
@@ -220,7 +220,7 @@ class Session:
         self._answered = recent
 
     def _offer(self, now: float) -> _Sealer:
-        """Return the session that this end offers in answers to greetings, renewed every 5 s."""
+        """Return the session for answers to connection requests, which changes every 5 s."""
         if now - self._offered_at > _OFFER:
             self._offered, self._offered_at = _Sealer(self._key, self._role), now
         return self._offered

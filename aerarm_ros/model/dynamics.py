@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class LastLink:
-    """Last body of a Pinocchio model, to which a payload can be added.
+    """Last body of a Pinocchio model, which can carry a payload.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ class LastLink:
 
 
 def checked_payload(payload: npt.ArrayLike) -> Array:
-    """Return a payload's inertial parameters (10,); raises ValueError if physically impossible."""
-    return checked_body('payload', payload, ': pass the ten inertial parameters of payload.yaml')
+    """Check a payload's inertial parameters (10,); raises ValueError if they are impossible."""
+    return checked_body('payload', payload, 'pass the ten inertial parameters of payload.yaml')
 
 
 class Dynamics:
@@ -69,7 +69,7 @@ class Dynamics:
 
     @property
     def rotor_inertia(self) -> Array:
-        """Rotor inertia (n,) at the joints [kg m^2], read-only."""
+        """Rotor inertia (n,) on the joint side [kg m^2], read-only."""
         return self._rotor_inertia
 
     def carry(self, payload: npt.ArrayLike) -> None:
@@ -125,7 +125,7 @@ class Dynamics:
     def inverse_with_slopes(
         self, q: Array, dq: Array, ddq: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Return the torques of `inverse`, and their derivatives by q, dq and ddq.
+        """Return the result of `inverse`, and its derivatives by q, dq and ddq.
 
         Returns
         -------
@@ -140,7 +140,7 @@ class Dynamics:
         return self._data.tau, by_q, by_dq, by_ddq
 
     def forward(self, q: Array, dq: Array, tau: Array) -> Array:
-        """Return the accelerations [rad/s^2] caused by torques (forward dynamics).
+        """Return the joint accelerations [rad/s^2] that torques cause (forward dynamics).
 
         Parameters
         ----------
@@ -165,7 +165,7 @@ class Dynamics:
 
 
 def checked_rotor_inertia(rotor_inertia: npt.ArrayLike, n: int) -> Array:
-    """Return the rotor inertia of n joints (n,) [kg m^2], given as one value or as n values.
+    """Return n rotor inertias [kg m^2], given one value for all joints or n values.
 
     Raises
     ------
@@ -188,7 +188,7 @@ _POSTURES = 500
 
 
 def largest_gravity_load(robot: Robot) -> Array:
-    """Return the largest gravity torque of each joint, over all postures and directions of gravity.
+    """Return each joint's largest gravity torque, over all postures and directions of gravity.
 
     The maximum over directions is exact, the maximum over postures uses samples within the joint
     limits.

@@ -19,7 +19,7 @@ Vector = npt.NDArray[np.floating[Any]]
 
 
 def cross(a: Vector, b: Vector) -> Array:
-    """Return a x b of two vectors (3,), about thirty times faster than `np.cross`."""
+    """Return the cross product a x b of two vectors (3,), faster than `np.cross`."""
     ax, ay, az = a.tolist()
     bx, by, bz = b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
@@ -101,7 +101,7 @@ def parameters_of_body(mass: float, centre: npt.ArrayLike, inertia: npt.ArrayLik
 
 
 def joined(*bodies: tuple[float, npt.ArrayLike, npt.ArrayLike]) -> tuple[float, Array, Array]:
-    """Return mass, centre of mass and inertia of rigidly joined bodies.
+    """Return mass, centre of mass and inertia of several bodies that are rigidly joined.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def point_mass(mass: float, centre: npt.ArrayLike) -> Array:
 
 
 def minimum_eigenvalue(pi: npt.ArrayLike) -> float:
-    """Return the smallest eigenvalue over all pseudo-inertia matrices of `pi`.
+    """Return the smallest eigenvalue of all pseudo-inertia matrices that `pi` describes.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def minimum_eigenvalue(pi: npt.ArrayLike) -> float:
 
 
 def is_physically_consistent(pi: npt.ArrayLike, tolerance: float = 0.0) -> bool:
-    """Return whether a body with positive density everywhere can have the inertial parameters.
+    """Return whether a body of nonnegative density can have these inertial parameters.
 
     The check is stronger than thesis (3.9)-(3.15), which requires only a positive definite
     barycentric inertia. The principal moments of a real body also satisfy the triangle inequality.
@@ -210,7 +210,7 @@ def is_physically_consistent(pi: npt.ArrayLike, tolerance: float = 0.0) -> bool:
 
 
 def checked_body(name: str, pi: npt.ArrayLike, advice: str = '') -> Array:
-    """Return the inertial parameters (10,) of a body after a check; all zeros mean no body.
+    """Check a body's inertial parameters and return them, (10,); all zeros mean no body.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def checked_body(name: str, pi: npt.ArrayLike, advice: str = '') -> Array:
     if not numbers or not is_physically_consistent(values, _ROUNDING):
         raise ValueError(
             f'{name} {values.tolist()} is invalid, because no body has these inertial '
-            f'parameters{advice}'
+            f'parameters' + (f': {advice}' if advice else '')
         )
     return values
 

@@ -1,4 +1,4 @@
-"""Direct and differential kinematics, from the URDF and from DH table 2.1 of the thesis."""
+"""Direct and differential kinematics, from the URDF or the DH parameters (thesis table 2.1)."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
 ARM_LENGTH = 0.65
-"""Length d_3 of thesis table 2.1, from joint 2 to joint 4 [m]."""
+"""DH length d_3 of thesis table 2.1, from joint 2 to joint 4 [m]."""
 
 DH_BASE_HEIGHT = 0.167
 """Height of the DH base frame above the URDF's base_link [m], thesis A.4."""
@@ -26,7 +26,7 @@ DH_TABLE = (
 
 
 def dh_transform(a: float, d: float, alpha: float, theta: float) -> Array:
-    """Return A_i^{i-1} of thesis (2.1), the pose of frame i in frame i-1.
+    """Return the DH transform A_i^{i-1} of thesis (2.1), the pose of frame i in frame i-1.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def dh_forward(q: npt.ArrayLike) -> Array:
 
 
 class Kinematics:
-    """Pose and Jacobian of a frame of an arm of n joints, from its URDF.
+    """Pose and Jacobian of one frame of an arm with n joints, computed from the URDF.
 
     An instance has working memory, so each thread needs its own instance.
 
@@ -123,11 +123,11 @@ class Kinematics:
         return np.asarray(pin.computeFrameJacobian(self._model, self._data, q, self._id, reference))
 
     def position_jacobian(self, q: Array) -> Array:
-        """Return the linear rows of the Jacobian, (3, n) [m]."""
+        """Return the Jacobian (3, n) [m] of the frame's position: the first three rows of J(q)."""
         return self.jacobian(q)[:3]
 
     def acceleration_bias(self, q: Array, dq: Array) -> Array:
-        """Return `dJ/dt dq` (6,), the acceleration of the frame at zero joint acceleration.
+        """Return `dJ/dt dq` (6,), the frame's acceleration if the joint acceleration is zero.
 
         The first three entries are the linear acceleration of the frame's origin [m/s^2], the
         last three the angular acceleration [rad/s^2], along the base's axes.

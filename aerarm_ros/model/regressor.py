@@ -40,7 +40,7 @@ class Regressor:
         self.columns = self._column_names()
 
     def rigid(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return the regressor of the links for one sample, thesis (3.1).
+        """Return the regressor of the inertial parameters for one sample, thesis (3.1).
 
         Parameters
         ----------
@@ -56,7 +56,7 @@ class Regressor:
         return np.asarray(result)
 
     def stack_rigid(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
-        """Return the regressor of the links for many samples.
+        """Return the regressors of the inertial parameters for M samples, one below the other.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class Regressor:
         return stacked
 
     def stack(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
-        """Return the complete regressor for many samples, thesis (3.6), (3.8).
+        """Return the complete regressors for M samples, one below the other, thesis (3.6), (3.8).
 
         Parameters
         ----------
@@ -134,8 +134,10 @@ class Regressor:
             If a shape is wrong, or `rotor_inertia` does not match the columns.
         """
         if (rotor_inertia is not None) != self.rotor_inertia:
-            state = 'has' if self.rotor_inertia else 'has no'
-            raise ValueError(f'this regressor {state} columns for rotor inertia')
+            state, give = ('has', 'give') if self.rotor_inertia else ('has no', 'omit')
+            raise ValueError(
+                f'this regressor {state} columns for rotor inertia: {give} rotor_inertia'
+            )
         joint_parts = [viscous, coulomb] + ([] if rotor_inertia is None else [rotor_inertia])
         parts = [np.asarray(part, dtype=float) for part in (inertial, *joint_parts)]
         n = self.robot.n
@@ -199,7 +201,7 @@ class MomentumRegressor:
     def evaluate(
         self, q: Array, dq: Array, specific_force: Array, angular_velocity: Array
     ) -> tuple[Array, Array]:
-        """Return the regressors Y_p of momentum and Y_f of torque for one state.
+        """Return the regressors Y_p and Y_f of `tau = d/dt(Y_p pi) + Y_f pi` for one state.
 
         Parameters
         ----------
@@ -235,7 +237,7 @@ class MomentumRegressor:
 
 
 def _momentum_tensor() -> Array:
-    """Return the tensor A (6, 6, 10), which maps twist and inertial parameters to momentum."""
+    """Return the tensor A (6, 6, 10) that maps twist and inertial parameters to momentum."""
     tensor = np.zeros((6, 6, 10))
     tensors = inertia_about_origin(np.eye(10))
     cross = _cross_matrices()
@@ -249,7 +251,7 @@ def _momentum_tensor() -> Array:
 
 
 def _cross_tensor() -> Array:
-    """Return the tensor (6, 6, 6) that maps a twist v to the matrix of its cross product, `v x`."""
+    """Return the tensor (6, 6, 6) that maps a twist v to the matrix `v x` of its cross product."""
     tensor = np.zeros((6, 6, 6))
     for axis, matrix in enumerate(_cross_matrices()):
         tensor[axis, :3, 3:] = matrix
@@ -258,7 +260,7 @@ def _cross_tensor() -> Array:
 
 
 def _cross_matrices() -> Array:
-    """Return S(a), where `S(a) b = a x b`, for the three coordinate axes a, (3, 3, 3)."""
+    """Return the matrices S(a) with `S(a) b = a x b` for the three unit vectors a, (3, 3, 3)."""
     return np.stack([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])
 
 

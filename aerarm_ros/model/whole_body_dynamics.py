@@ -13,7 +13,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class WholeBodyDynamics:
-    """Rigid dynamics of n joints on a free base.
+    """Rigid dynamics of an arm with n joints on a free base.
 
     ::
 
@@ -88,7 +88,7 @@ class WholeBodyDynamics:
         angular_velocity: Array,
         acceleration: Array | float = 0.0,
     ) -> Array:
-        """Return the wrench on the base and the joint torques that a motion requires.
+        """Return the wrench on the base and the joint torques that produce a motion.
 
         With zero `acceleration` and `ddq` the result is c; with `ddq` alone it is `M_bj ddq + c_b`
         and `M_jj ddq + c_j`.
@@ -119,7 +119,7 @@ class WholeBodyDynamics:
     def reaction_with_slopes(
         self, q: Array, dq: Array, ddq: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Return the wrench `M_bj ddq + c_b` on a base at rest, and its derivatives by the motion.
+        """Return the wrench `M_bj ddq + c_b` on a resting base, and its derivatives by q, dq, ddq.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class WholeBodyDynamics:
         return np.array(pin.computeMinverse(self._model, self._data, self._q)[6:, 6:])
 
     def feedback_gain(self, q: Array) -> float:
-        """Return the gain of the loop that feedback of the measured base acceleration closes.
+        """Return the loop gain that arises if torques depend on the measured base acceleration.
 
         Joint torques `M_jb s`, computed from a measured base acceleration `s`, accelerate the
         joints by `D^-1 M_jb s`, where D is the reduced inertia. The joints in turn accelerate the
@@ -195,7 +195,7 @@ class WholeBodyDynamics:
         return float(body.mass), np.array(body.lever), np.array(body.inertia)
 
     def centroidal_momentum(self, q: Array, dq: Array, twist: Array) -> Array:
-        """Return linear and angular momentum about the centre of mass, (6,) [Ns], [Nms].
+        """Return the linear momentum, and the angular momentum about the centre of mass, (6,).
 
         The result is along the base's axes, without the spin of the rotors.
 
@@ -213,7 +213,7 @@ class WholeBodyDynamics:
 
 
 def _on_free_joint(robot: Robot) -> Any:
-    """Return the robot's model with a free joint between world and base, without gravity."""
+    """Return a model of the robot with a free joint between world and base, without gravity."""
     source = robot.model
     model = pin.Model()
     parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), 'base')

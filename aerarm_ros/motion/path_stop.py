@@ -1,4 +1,4 @@
-"""Stop along a path, as fast as the limits allow."""
+"""Computation of the fastest stop along a path within limits."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STEPS = 40  # number of integration steps in the shortest braking time
 _SHARE = 0.98
 
 Row = tuple[float, float, float, float]
-"""Coefficients (along, across, still) and limit of a quantity during a stop, for example a torque.
+"""Coefficients (along, across, still) and limit of a quantity during a stop, such as a torque.
 At the path rate r [-] with its derivative r' [1/s] the quantity is `along * r' + across * r^2 +
 still`. The absolute value of the quantity must not exceed the limit.
 """
@@ -30,7 +30,7 @@ Rows = Callable[[JointReference], Iterable[Row]]
 
 
 class PathTime(NamedTuple):
-    """Path time [s] of a motion, its rate (1 at full speed), and the rate's derivative [1/s]."""
+    """Path time [s], the point reached on a path; its rate (1 at full speed) and derivative."""
 
     value: float
     rate: float
@@ -38,24 +38,24 @@ class PathTime(NamedTuple):
 
 
 class PathStop(NamedTuple):
-    """Stop along a path: times (K,) [s] from its start, and the corresponding path times."""
+    """Stop along a path: times (K,) [s] since the stop began, and the path times reached then."""
 
     times: list[float]
     path_times: list[PathTime]
 
     def clock(self) -> PolynomialPath:
-        """Return the path time as a function of the time since the start of the stop."""
+        """Return the path time as a function of the time since the stop began."""
         value, rate, change = np.array(self.path_times).T[..., np.newaxis]
         return PolynomialPath.quintic(self.times, value, rate, change)
 
     def path(self, motion: Callable[[float], JointReference]) -> PolynomialPath:
-        """Return the motion of the joints that follows this stop along `motion`."""
+        """Return the joints' path that results from this stop along `motion`."""
         rows = [motion(at.value).paced(at.rate, at.rate_change) for at in self.path_times]
         return PolynomialPath.quintic(self.times, *map(np.array, zip(*rows, strict=True)))
 
 
 def acceleration_rows(acceleration_max: Array) -> Rows:
-    """Return a function that yields the rows for acceleration limits (n,) [rad/s^2]."""
+    """Return a function that yields one `Row` per acceleration limit (n,) [rad/s^2]."""
     limits = acceleration_max.tolist()
 
     def rows(point: JointReference) -> Iterable[Row]:
@@ -113,7 +113,7 @@ def stop_along(motion: Callable[[float], JointReference], begin: float, rows: Ro
 
 
 def _lowest(rows: Iterable[Row], rate: float) -> float:
-    """Return the lowest derivative of the path rate that `rows` allow at this rate [1/s]."""
+    """Return the lowest derivative [1/s] of the path rate that `rows` allow at this path rate."""
     lowest = -10.0 / SHORTEST
     for along, across, still, limit in rows:
         size = abs(along)
@@ -125,7 +125,7 @@ def _lowest(rows: Iterable[Row], rate: float) -> float:
 
 
 class JointBrake(NamedTuple):
-    """Fastest braking of n joints with limited jerk, from states (n,) or (M, n).
+    """Fastest braking of n joints with continuous acceleration, from states (n,) or (M, n).
 
     The acceleration changes linearly to its strongest value, stays constant, and fades linearly to
     zero. All signs refer to the direction of motion, and `strongest` is positive for a
@@ -153,7 +153,7 @@ class JointBrake(NamedTuple):
 
     @classmethod
     def of(cls, dq: Array, ddq: Array, acceleration_max: Array) -> JointBrake:
-        """Return the braking that starts at velocities [rad/s] and accelerations [rad/s^2]."""
+        """Return the braking that starts with these velocities [rad/s] and accelerations."""
         sign = np.where(dq == 0.0, np.sign(ddq), np.sign(dq))
         speed, rising = np.abs(dq), sign * ddq
         needed = np.maximum(speed / acceleration_max, SHORTEST)
@@ -187,7 +187,7 @@ class JointBrake(NamedTuple):
         return self.after(self.duration).q
 
     def after(self, time: Array) -> JointReference:
-        """Return travel, velocity and acceleration `time` [s] after the start."""
+        """Return travel, velocity and acceleration of the joints `time` [s] after the start."""
         # Each section in its local time; a section that has not started contributes nothing.
         t1 = np.minimum(time, self.rise)
         t2 = np.minimum(np.maximum(time - self.rise, 0.0), self.hold)

@@ -20,7 +20,7 @@ PEAK_CURVATURE = 10.0 / np.sqrt(3.0)
 
 
 class SmoothStep(NamedTuple):
-    """Value of `smooth_step` at x, its slope, its integral from 0, and its second derivative."""
+    """Value of `smooth_step` at x, slope, integral from 0 to x, and second derivative."""
 
     value: Array
     slope: Array
@@ -29,7 +29,7 @@ class SmoothStep(NamedTuple):
 
 
 def smooth_step(x: ArrayLike) -> SmoothStep:
-    """Return the step 10 x^3 - 15 x^4 + 6 x^5 with zero slope and curvature at both ends.
+    """Return the smooth step 10 x^3 - 15 x^4 + 6 x^5, with zero slope and curvature at its ends.
 
     Outside [0, 1] the value stays at 0 or 1 and the integral at 0 or 1/2; callers add the
     integral of the constant part. `x` is a dimensionless scalar or array.
@@ -47,7 +47,7 @@ def smooth_step(x: ArrayLike) -> SmoothStep:
 def rest_to_rest_duration(
     distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, minimum: float
 ) -> float:
-    """Return the shortest duration [s] of a quintic from rest to rest within the limits.
+    """Return the shortest duration [s] of a quintic rest-to-rest motion within limits.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ _FACTORS = {
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPath:
-    """Piecewise polynomial of degree five or less, constant outside its duration.
+    """Path as a piecewise polynomial of degree five or less, constant outside its duration.
 
     Attributes
     ----------
@@ -105,14 +105,14 @@ class PolynomialPath:
 
     @classmethod
     def quintic(cls, times: ArrayLike, q: Array, dq: Array, ddq: Array) -> 'PolynomialPath':
-        """Return the path through positions, velocities and accelerations (S + 1, n)."""
+        """Return the path through given positions, velocities, accelerations, (S + 1, n) each."""
         t, h = _durations(times)
         ends = [q[:-1], h * dq[:-1], h**2 * ddq[:-1], q[1:], h * dq[1:], h**2 * ddq[1:]]
         return cls(t, np.einsum('ij,jsn->sin', _QUINTIC_HERMITE, np.array(ends)))
 
     @classmethod
     def cubic(cls, times: ArrayLike, q: Array, dq: Array) -> 'PolynomialPath':
-        """Return the path through positions and velocities (S + 1, n)."""
+        """Return the path through given positions and velocities, (S + 1, n) each."""
         t, h = _durations(times)
         ends = [q[:-1], h * dq[:-1], q[1:], h * dq[1:]]
         return cls(t, np.einsum('ij,jsn->sin', _CUBIC_HERMITE, np.array(ends)))
@@ -125,7 +125,7 @@ class PolynomialPath:
 
     @classmethod
     def trapezoid(cls, start: Array, end: Array, duration: float) -> 'PolynomialPath':
-        """Return a path with trapezoidal velocity between rest at `start` and at `end`, (n,).
+        """Return a rest-to-rest path from `start` to `end`, (n,), with trapezoidal velocity.
 
         Acceleration in the first and deceleration in the last third of the time are constant, so
         the acceleration jumps.
@@ -159,7 +159,7 @@ class PolynomialPath:
         return JointReference(*values.reshape(3, h.size * per_segment, -1))
 
     def extremes(self) -> JointReference:
-        """Return references (M, n) at extremes of a joint's position, velocity or acceleration.
+        """Return the references (M, n) where position, velocity or acceleration is extreme.
 
         Extremes at the ends of segments, which `sample` contains, are excluded. The computation
         takes about 20 times as long as `sample`.
@@ -171,7 +171,7 @@ class PolynomialPath:
         return JointReference(*np.einsum('dkm,mkn->dmn', powers, self.coefficients[segments]))
 
     def _extremes(self, x: Array, order: int) -> tuple[NDArray[np.intp], Array]:
-        """Return the zeros of a derivative, as segment numbers and positions in the segments."""
+        """Return the zeros of a derivative: segment number and position in the segment of each."""
         derived = self.coefficients[:, order:] * _FACTORS[order][:, np.newaxis]
         values = np.einsum('px,sxn->spn', x[:, np.newaxis] ** np.arange(6 - order), derived)
         segment, before, joint = np.nonzero(values[:, :-1] * values[:, 1:] < 0.0)
@@ -216,7 +216,7 @@ def _durations(times: ArrayLike) -> tuple[tuple[float, ...], Array]:
 
 
 def _powers(x: Any, h: Any) -> Array:
-    """Return the powers 1 to x^5 and their first two time derivatives, (3, 6, ...).
+    """Return the powers x^0 to x^5 and their first two time derivatives, (3, 6, ...).
 
     `x` and `h` [s] are numbers or arrays; NumPy functions would dominate the time.
     """

@@ -12,13 +12,13 @@ Array = npt.NDArray[np.float64]
 
 
 def limited(vector: Array, length: float) -> Array:
-    """Return the vector (k,), or one of the same direction with `length` if it is longer."""
+    """Return a vector (k,), shortened to `length` if it is longer."""
     norm = sqrt(vector @ vector)
     return vector if norm <= length else (length / norm) * vector
 
 
 class Reaction(Enum):
-    """Reaction of a controller to a contact during motion; the value is its name in parameters."""
+    """Reaction of a controller to a contact during motion; each value is a parameter value."""
 
     REPORT = 'report'
     STOP = 'stop'
@@ -47,7 +47,7 @@ class ArmState(NamedTuple):
 
 
 class JointCommand(NamedTuple):
-    """Command for n joints; the fields that are not None determine the boards' control loop.
+    """Command for n joints; the fields that are set select the control loop of the boards.
 
     Effort alone means torque control. Velocity alone means the boards' velocity loop, with effort
     as optional feed-forward. All three fields mean the boards' full law (4.4) with feed-forward.
@@ -85,7 +85,7 @@ class JointReference(NamedTuple):
         return cls(position, np.zeros_like(position), np.zeros_like(position))
 
     def paced(self, rate: Array | float, rate_change: Array | float) -> 'JointReference':
-        """Return this reference for a path that is followed at another rate.
+        """Return this reference for the case that its path is followed at another rate.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class JointReference(NamedTuple):
 
 
 class JointMotion(Protocol):
-    """Motion of all joints from time 0 to its duration."""
+    """Interface of a motion of all joints, from time 0 to its duration."""
 
     @property
     def duration(self) -> float:
@@ -109,7 +109,7 @@ class JointMotion(Protocol):
 
 
 class TaskReference(NamedTuple):
-    """Desired motion of a frame's origin, in the base frame.
+    """Desired motion of the tool frame's origin, in the base frame.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 Html = Markup
-"""Type of text that is already HTML, so that templates do not escape it."""
+"""Type of a text that is already HTML; templates do not escape such texts."""
 
 # Spaces as wide as a digit, and as a decimal point.
 _DIGIT, _POINT = '\N{FIGURE SPACE}', '\N{PUNCTUATION SPACE}'
@@ -54,12 +54,12 @@ def paragraph(text: object, kind: str = '') -> Html:
 
 
 def section(title: str, *parts: str) -> Html:
-    """Return a section of an HTML report: a heading, followed by its content."""
+    """Return a section of an HTML report: a heading, followed by the section's content."""
     return Html(_elements().section(title, parts))
 
 
 def folded(title: str, *parts: str) -> Html:
-    """Return a title and parts that are hidden until the reader clicks on the title."""
+    """Return an HTML element whose parts are hidden until the reader clicks on its title."""
     return Html(_elements().folded(title, parts))
 
 
@@ -76,7 +76,7 @@ def markup(value: object) -> Html:
 def table(
     headings: Sequence[object], rows: Iterable[Sequence[object]], best: Sequence[int] = ()
 ) -> Html:
-    """Return an HTML table with one row of headings.
+    """Return an HTML table whose first row contains the headings.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def page(title: str, head: str, body: Iterable[str], facts: Mapping[str, str] | 
 
 
 def _aligned(column: Sequence[object]) -> list[object]:
-    """Return the cells of a column, with numbers padded so that their decimal points align."""
+    """Return the cells of a column, padded so that the decimal points of numbers align."""
     texts = [number(x) if x is None or isinstance(x, float) else None for x in column]
     tails = [len(x.partition('.')[2]) for x in texts if x and '.' in x and 'e' not in x]
     longest = max(tails, default=0)

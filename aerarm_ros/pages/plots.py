@@ -1,4 +1,4 @@
-"""Plots of an HTML report, which the browser draws with an embedded copy of plotly."""
+"""Plots for HTML reports, drawn by the browser with an embedded copy of plotly."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from aerarm_ros.pages.html_text import Html
 
 
 def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str, Any]) -> Html:
-    """Return an HTML element, and the script that draws a plot into it.
+    """Return an HTML element, with a script that draws a plot in this element.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def plotly_figure(figure: Any) -> Html:
 
 
 def plotting_script() -> Html:
-    """Return plotly.js as an inline script, so that a report needs no network.
+    """Return plotly.js as an inline script, so that reports open without network.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def _script(value: object) -> str:
 
 
 MOST_POINTS = 1000
-"""Largest number of points of a curve, about the resolution of a screen."""
+"""Largest number of points per curve, about the number of pixels across a screen."""
 
 _ROW_HEIGHT = 190  # [px] height of one joint's axes
 # Measured curves are broad and pale, so that they stay visible under thin lines.
@@ -208,7 +208,7 @@ class StackedFigure:
 
 
 def _places(x: Array) -> dict[str, Any]:
-    """Return x positions as first value and spacing if equidistant, otherwise as a list."""
+    """Return equidistant x positions as first value and spacing, other x positions as a list."""
     if len(x) > 2 and np.ptp(np.diff(x)) <= 1e-6 * np.ptp(x):
         return {'x0': float(f'{x[0]:.8g}'), 'dx': float(f'{(x[-1] - x[0]) / (len(x) - 1):.8g}')}
     return {'x': _short(x)}

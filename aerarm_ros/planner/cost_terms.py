@@ -1,4 +1,4 @@
-"""Cost terms of a planned motion, each with its analytic gradient."""
+"""Cost terms of a planned motion, each with an analytic gradient."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
@@ -15,7 +15,7 @@ from aerarm_ros.planner.spline_basis import SplineBasis
 
 
 class TermValue(NamedTuple):
-    """Value of a cost term for a motion, and its derivatives by the motion at each instant.
+    """Value of a cost term for a motion, and its derivatives by q, dq and ddq at each instant.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class CostTerm(Protocol):
     """Cost term of a planned motion: the integral over time of a function of the motion."""
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the integral over a motion of M instants at intervals of `dt` [s]."""
+        """Return the term's value for a motion that is sampled at M instants, `dt` [s] apart."""
         ...
 
 
@@ -45,14 +45,14 @@ _BEGIN = 0.97  # fraction of a limit at which the penalty begins
 
 
 class Excess(NamedTuple):
-    """Penalty of values beyond their limits, and its derivatives (M, n) by the values."""
+    """Penalty of values that exceed their limits, and its derivatives (M, n) by the values."""
 
     value: float
     slope: Array
 
 
 def excess(values: Array, limit: Array, penalty: float) -> Excess:
-    """Return the penalty of values (M, n) beyond limits (n,), which may be infinite."""
+    """Return the penalty of values (M, n) whose magnitudes exceed limits (n,)."""
     beyond = np.maximum(np.abs(values) / limit - _BEGIN, 0.0)
     slope = (2.0 * penalty) * beyond * np.sign(values) / limit
     return Excess(penalty * float((beyond**2).sum()), slope)
@@ -72,7 +72,7 @@ class LimitTerm:
         self._penalty = penalty
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the penalty and its derivatives, see `CostTerm`."""
+        """Return the penalty and its derivatives, see `TermValue`."""
         velocity = excess(motion.dq, self._limits.velocity, self._penalty)
         acceleration = excess(motion.ddq, self._limits.acceleration, self._penalty)
         value = dt * (velocity.value + acceleration.value)
@@ -102,7 +102,7 @@ class ClearanceTerm:
         self._seen: tuple[Array, Array] | None = None
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the penalty and its derivatives, see `CostTerm`."""
+        """Return the penalty and its derivatives, see `TermValue`."""
         nothing = np.zeros_like(motion.q)
         by_q, value = nothing.copy(), 0.0
         for k in np.flatnonzero(self._may_be_near(motion.q)).tolist():
@@ -115,7 +115,7 @@ class ClearanceTerm:
         return TermValue(value, by_q, nothing, nothing)
 
     def _may_be_near(self, q: Array) -> npt.NDArray[np.bool_]:
-        """Return a mask of the postures that may be closer than the penalty distance."""
+        """Return a mask (M,) of the postures whose clearance may be small enough for a penalty."""
         if self._seen is None:
             self._seen = np.array(q), np.full(len(q), -np.inf)
         before, margin = self._seen
@@ -130,7 +130,7 @@ class ClearanceTerm:
 
 
 class DisturbanceTerm:
-    """Cost term: moment that a motion exerts on the base; its peak contributes most.
+    """Cost term: moment that a motion exerts on the base, with most weight on its peak.
 
     The moment m is that of the reaction on the base when links and rotors accelerate, `M_bj ddq +
     c_b` of the free-base model. The moment of the arm's weight is excluded, because it depends on
@@ -154,7 +154,7 @@ class DisturbanceTerm:
         self._power = power
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the cost and its derivatives, see `CostTerm`."""
+        """Return the cost and its derivatives, see `TermValue`."""
         count, n = motion.q.shape
         moment, slopes = np.empty((count, 3)), np.empty((3, count, 3, n))
         for k, row in enumerate(zip(*motion, strict=True)):
@@ -169,7 +169,7 @@ class DisturbanceTerm:
 
 
 def peak_moment(body: WholeBodyDynamics, motion: JointReference) -> float:
-    """Return the largest moment [Nm] that a motion exerts on the base, over M instants."""
+    """Return the largest moment [Nm] that a motion exerts on the base at M instants."""
     still = np.zeros(3)
     rows: list[Array] = [body.forces(*row, still)[3:6] for row in zip(*motion, strict=True)]
     return float(np.linalg.norm(rows, axis=1).max())
@@ -206,7 +206,7 @@ class DriveTerm:
         self._penalty = penalty
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the cost and its derivatives, see `CostTerm`."""
+        """Return the cost and its derivatives, see `TermValue`."""
         q, dq, ddq = motion
         shape = q.shape
         rigid, slopes = np.empty(shape), np.empty((3, *shape, shape[1]))
@@ -227,7 +227,7 @@ class DriveTerm:
         return TermValue(dt * value, by_q, by_dq, by_ddq - by_load * rotors)
 
     def _density(self, tau: Array, dq: Array) -> tuple[float, Array, Array]:
-        """Return the cost per second of all drives, and its derivatives by torque and velocity."""
+        """Return the drives' cost per second, and its derivatives by torque and velocity."""
         drives = self._drives
         power = drives.electrical(tau, dq)
         # Power from the supply: power + (1 - recovery) max(-power, 0).
@@ -258,14 +258,14 @@ class SmoothnessTerm:
         self._price = price
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the cost and its derivatives, see `CostTerm`."""
+        """Return the cost and its derivatives, see `TermValue`."""
         slope = 2.0 * self._price * dt * motion.ddq
         nothing = np.zeros_like(motion.q)
         return TermValue(0.5 * float((slope * motion.ddq).sum()), nothing, nothing, slope)
 
 
 def prices_by_lightness(price: float, inertia: Array) -> Array:
-    """Return the price of each joint's squared acceleration, (n,) [J s^3/rad^2].
+    """Return the cost per squared acceleration of each joint, (n,) [J s^3/rad^2].
 
     A torque error causes an acceleration error, and under computed torque control a tracking
     error, that are inversely proportional to the joint's inertia. The price is therefore
@@ -283,7 +283,7 @@ def prices_by_lightness(price: float, inertia: Array) -> Array:
 
 
 class MotionCost:
-    """Sum of cost terms, as a function of the free points of a spline and optionally its duration.
+    """Sum of cost terms, as a function of a spline's free points and, optionally, its duration.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ class MotionCost:
         self._second = second
 
     def of(self, points: Array, duration: float) -> tuple[float, Array, float]:
-        """Return the cost, and its derivatives by points (K, n) and logarithm of the duration.
+        """Return the cost, and its derivatives by points (K, n) and logarithmic duration.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Planned motion with its predicted energy and margins, and planner settings."""
+"""Planned motion with predicted energy and margins to the limits, and planner settings."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 
 
 @dataclass(frozen=True, slots=True)
 class PlanSettings:
-    """Planner settings: objective of a motion, and usable fraction of the limits.
+    """Planner settings: objective of a motion, and usable fractions of the limits.
 
     Attributes
     ----------

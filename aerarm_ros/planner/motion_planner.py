@@ -54,7 +54,7 @@ _GLANCE = 24  # number of instants at which a path is evaluated
 
 
 class ToolPostures:
-    """Search for postures that reach a tool position (inverse kinematics with redundant joints).
+    """Search for postures in which the tool is at a position (inverse kinematics).
 
     From many random postures, Gauss-Newton steps move the tool to the target. Each resulting
     posture is then improved by motions that keep the tool at the target and reduce holding loss
@@ -80,11 +80,11 @@ class ToolPostures:
         self._hold_time = hold_time
 
     def holding(self, q: Array) -> float:
-        """Return the energy [J] for holding the posture q (n,) during the hold time."""
+        """Return the energy [J] that holding the posture q (n,) needs during the hold time."""
         return self._hold_time * self._loss.watts(q)
 
     def find(self, point: ArrayLike, start: Array, duration: float) -> list[Array]:
-        """Return postures (n,) [rad] that reach the point, sorted by cost including the path.
+        """Return postures (n,) [rad] that reach a point, sorted by the cost of path and posture.
 
         Parameters
         ----------
@@ -102,7 +102,9 @@ class ToolPostures:
         """
         place = np.array(point, dtype=float)
         if place.shape != (3,) or not np.isfinite(place).all():
-            raise PlanError(f'tool goal needs three finite numbers [m], but has {place.tolist()}')
+            raise PlanError(
+                f'the tool goal needs three finite numbers [m], but is {place.tolist()}'
+            )
         low, high = self._range(start)
         random = np.random.default_rng(0)  # fixed seed, so that equal goals give equal results
         seeds = [start, *random.uniform(low, high, (_SEEDS, len(start)))]
@@ -119,7 +121,7 @@ class ToolPostures:
         return sorted(found, key=lambda q: self.holding(q) + self._way(start, q, duration))
 
     def _range(self, start: Array) -> tuple[Array, Array]:
-        """Return the position limits (n,); for unlimited joints, one turn centred at the start."""
+        """Return position limits (n,) for the search; unlimited joints get one turn."""
         low, high = self._limits.position_min, self._limits.position_max
         return (
             np.where(np.isfinite(low), low, start - np.pi),
@@ -129,7 +131,7 @@ class ToolPostures:
     def _settled(
         self, place: Array, seed: Array, start: Array, low: Array, high: Array
     ) -> Array | None:
-        """Return the posture found from `seed`; None if the tool misses its target."""
+        """Return the posture that the search from `seed` finds; None if the tool misses `place`."""
         q, error = np.array(seed), np.inf
         steepness = self._hold_time * _LOSS_CURVATURE + 2.0 * _TRAVEL_PRICE
         for step in range(_STEPS):
@@ -147,7 +149,7 @@ class ToolPostures:
         return q if error < _NEAR else None
 
     def _way(self, start: Array, q: Array, duration: float) -> float:
-        """Return an estimate of the energy [J] for the straight path from `start` to q."""
+        """Return an estimate of the energy [J] of a straight path from `start` to q."""
         straight = PolynomialPath.rest_to_rest(start, q, duration)
         times = (np.arange(_GLANCE) + 0.5) * duration / _GLANCE
         power = self._model.drives.from_supply(self._model.power(straight, times))
@@ -177,7 +179,7 @@ _TYPICAL = 2.0  # [s] assumed duration before it is known
 
 
 class MotionPlanner:
-    """Planner of motions from rest to rest, represented by splines.
+    """Planner of motions from rest to rest, which are represented by splines.
 
     The search (L-BFGS-B) evaluates a motion at discrete instants, with limits as penalties;
     position limits are exact bounds. `FeasibilityChecker` then checks the result independently at
@@ -216,7 +218,7 @@ class MotionPlanner:
         self._basis = SplineBasis.of(*map(max, (settings.knots, settings.samples), least))
 
     def with_settings(self, **changes: object) -> MotionPlanner:
-        """Return a copy of the planner with other settings."""
+        """Return a copy of the planner with changed settings."""
         other = copy(self)
         other._set(replace(self.settings, **changes))  # type: ignore[arg-type]
         return other
@@ -235,7 +237,7 @@ class MotionPlanner:
     def plan_tool(
         self, start: ArrayLike, point: ArrayLike, frame: str = 'tool0', hold_time: float = 5.0
     ) -> MotionPlan:
-        """Return a motion of the tool to a point, with the final posture of least cost.
+        """Return a motion that ends with the tool at a point, in the posture of least cost.
 
         Motions to several goal postures (see `ToolPostures`) are planned, and the one with the
         least cost is returned.
@@ -301,7 +303,7 @@ class MotionPlanner:
         posture = np.array(q, dtype=float)
         n = self._model.n
         if posture.shape != (n,) or not np.isfinite(posture).all():
-            raise PlanError(f'{what} needs {n} finite joint angles, but has {posture.tolist()}')
+            raise PlanError(f'{what} needs {n} finite joint angles, but is {posture.tolist()}')
         self._require(self._checker.check(standstill(posture)), f'the {what}')
         return posture
 
@@ -369,7 +371,7 @@ class MotionPlanner:
     def _stretched(
         self, points: Array, q0: Array, q1: Array, duration: float
     ) -> tuple[PolynomialPath, FeasibilityReport]:
-        """Return the motion, slowed down from `duration` on until it keeps the limits."""
+        """Return the motion with the first duration, from `duration` on, that keeps all limits."""
         for _ in range(_STRETCHES):
             path = self._basis.path(points, q0, q1, duration)
             report = self._checker.check(path, stop_early=True)
@@ -415,7 +417,7 @@ class MotionPlanner:
     def _searched(
         self, cost: MotionCost, points: Array, duration: float, is_free: bool = False
     ) -> tuple[Array, float]:
-        """Return the optimal free points (K, n), and the optimal duration if it is free."""
+        """Return the free points (K, n) of least cost, and the duration (optimized if free)."""
         shape, size = points.shape, points.size
         bounds = list(
             zip(
@@ -449,15 +451,17 @@ class MotionPlanner:
         return MotionPlan(path, self._model.balance(path), report)
 
     def _advice(self, q0: Array, q1: Array, duration: float) -> str:
-        """Return a hint on the required duration; '' if a longer duration does not help."""
+        """Return a clause on the fastest feasible motion; '' if more time does not help."""
         try:
             quickest = self.with_settings(objective=TIME, duration=0.0).plan(q0, q1)
         except PlanError:
             return ''
         needed = quickest.path.duration
-        return f'; the fastest motion takes {needed:.2f} s' if needed > duration else ''
+        return f'the fastest motion takes {needed:.2f} s' if needed > duration else ''
 
     @staticmethod
     def _require(report: FeasibilityReport, what: str, advice: str = '') -> None:
         if not report.feasible:
-            raise PlanError(f'{what} is infeasible: {report.binding}{advice}')
+            raise PlanError(
+                f'{what} is infeasible: {report.binding}' + (f'; {advice}' if advice else '')
+            )

@@ -1,4 +1,4 @@
-"""Rest-to-rest splines as linear functions of their free points."""
+"""Rest-to-rest splines that depend linearly on their free control points."""
 
 from functools import lru_cache
 
@@ -52,7 +52,7 @@ class SplineBasis:
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, free: int, samples: int) -> 'SplineBasis':
-        """Return the basis with these numbers of points and samples, from a cache if possible."""
+        """Return the basis of `free` points and `samples` instants, from a cache if possible."""
         return cls(free, samples)
 
     def points_near(self, motion: PolynomialPath) -> Array:
@@ -60,7 +60,7 @@ class SplineBasis:
         return motion.evaluate(self._places * motion.duration).q
 
     def motion(self, points: Array, start: Array, end: Array, duration: float) -> JointReference:
-        """Return the motion at the centres of the time intervals, arrays (M, n).
+        """Return the motion at the centres of the M time intervals.
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class SplineBasis:
         return PolynomialPath.quintic(self._breaks * duration, q, dq, ddq)
 
     def _split(self, x: Array) -> tuple[Array, Array, Array]:
-        """Return the matrices that map start, free points and end to the spline at x."""
+        """Return the matrices that map start, free points and end to the spline's values at x."""
         rows = np.array([self._spline.derivative(d)(x) if d else self._spline(x) for d in range(3)])
         first, last = rows[:, :, :_AT_REST].sum(axis=2), rows[:, :, -_AT_REST:].sum(axis=2)
         return first, rows[:, :, _AT_REST:-_AT_REST], last
@@ -91,7 +91,7 @@ class SplineBasis:
 def _scaled(
     parts: tuple[Array, Array, Array], points: Array, start: Array, end: Array, duration: float
 ) -> Array:
-    """Return position, velocity and acceleration (3, M, n) of the motion over time."""
+    """Return position, velocity and acceleration (3, M, n) at M instants of a motion."""
     first, matrices, last = parts
     rate = duration ** -np.arange(3.0)
     by_x = matrices @ points + first[:, :, np.newaxis] * start + last[:, :, np.newaxis] * end

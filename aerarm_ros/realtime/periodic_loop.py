@@ -58,7 +58,7 @@ _PATIENCE = 5e-3  # [s], a few cycles: a thread need not wait for a stopped loop
 
 
 class CycleSlack:
-    """Synchronizes a thread with a loop: the thread begins its work at the end of a cycle.
+    """Lets another thread begin its work at the end of a loop's cycle.
 
     Two Python threads use one interpreter. A loop that wakes while the other thread computes waits
     for the interpreter after each system call. A short piece of work that starts at the end of a
@@ -69,7 +69,7 @@ class CycleSlack:
         self._begun = Event()
 
     def begin(self) -> None:
-        """Signal the end of a cycle to the waiting thread; takes 0.1 us if no thread waits."""
+        """Wake the waiting thread, as a cycle has ended; takes 0.1 us if no thread waits."""
         if not self._begun.is_set():
             self._begun.set()
 
@@ -87,7 +87,7 @@ _STEP_NS = 500_000_000
 
 
 class SteadyClock:
-    """Clock for message stamps that follows the system time without steps.
+    """Clock for message stamps, which follows the system time but never steps.
 
     Time servers and hypervisors correct the system time in steps of tens of milliseconds, even
     backwards. A SteadyClock follows the monotonic clock and approaches the system time by at most
@@ -231,7 +231,7 @@ class PeriodicLoop:
         return assess_timing(self.period_ns * 1e-9, interval, execution)
 
     def account(self) -> str:
-        """Return a line for the log with cycles, missed cycles and wake-up latency."""
+        """Return a log line with the numbers of cycles and missed cycles, and the latency."""
         total = self.cycles + self.missed
         share = 100.0 * self.missed / total if total else 0.0
         lateness = self.lateness.summary()
@@ -243,7 +243,7 @@ class PeriodicLoop:
 
 @dataclass(frozen=True)
 class TimingSummary:
-    """Statistics of durations [s]; all zero without measurements.
+    """Statistics of measured durations [s]; all values are zero without measurements.
 
     Attributes
     ----------
@@ -272,7 +272,7 @@ class TimingSummary:
 
 
 class TimingStatistics:
-    """Collects durations in a histogram; adding a duration takes about 0.3 us.
+    """Collects durations in a histogram, in about 0.3 us per duration.
 
     Mean, standard deviation (Welford's recursion), minimum and maximum are exact; quantiles are
     exact to one bin. Of durations beyond the last bin, only their number and maximum are known.
@@ -345,7 +345,7 @@ class TimingStatistics:
         )
 
     def _quantile(self, cumulative: NDArray[np.int64], share: float) -> float:
-        """Return a quantile [s]: the upper edge of its bin, limited to the extremes."""
+        """Return a quantile [s]: the upper edge of its bin, between minimum and maximum."""
         index = int(np.searchsorted(cumulative, math.ceil(share * cumulative[-1])))
         edge = self._maximum if index == self._last else (index + 1) * self._width
         return min(max(edge, self._minimum), self._maximum) / _NANOSECONDS
@@ -356,7 +356,7 @@ OK, WARN, ERROR = 0, 1, 2
 
 @dataclass(frozen=True)
 class TimingThresholds:
-    """Timing thresholds for warning and error; the defaults are those of ros2_control.
+    """Thresholds of the loop timing for warnings and errors; defaults as in ros2_control.
 
     Attributes
     ----------
@@ -377,7 +377,7 @@ def assess_timing(
     execution: TimingSummary,
     thresholds: TimingThresholds | None = None,
 ) -> tuple[int, str]:
-    """Return the worst level (OK, WARN or ERROR) of a loop's timing, and the reason.
+    """Return the level (OK, WARN or ERROR) of a loop's timing, and the reason.
 
     Parameters
     ----------
@@ -397,7 +397,7 @@ def assess_timing(
         (
             execution.mean,
             limits.execution_mean,
-            f'a cycle takes {execution.mean * 1e6:.0f} us on average',
+            f'the execution of a cycle takes {execution.mean * 1e6:.0f} us on average',
         ),
         (
             execution.std,

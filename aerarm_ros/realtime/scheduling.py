@@ -1,4 +1,4 @@
-"""Real-time settings of the operating system for a process, with advice if one is refused.
+"""Real-time settings of a process, with advice for the user if the system refuses one.
 
 Every function returns None on success, otherwise a warning with the consequences for the user. A
 robot on a desk therefore also runs without real-time rights.
@@ -22,7 +22,7 @@ THREAD_VARIABLES = ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'
 
 
 def use_one_thread(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Restrict the linear algebra of this process to one thread, unless the user sets a number."""
+    """Restrict linear algebra in this process to one thread, unless the user set a number."""
     for name in THREAD_VARIABLES:
         environment.setdefault(name, '1')
 
@@ -34,7 +34,7 @@ _LIMITS_FILE = '/etc/security/limits.d/realtime.conf'
 
 
 def set_fifo(priority: int) -> str | None:
-    """Run this process under SCHED_FIFO, ahead of all ordinary processes.
+    """Run this process with the real-time policy SCHED_FIFO, ahead of all ordinary processes.
 
     The calling thread gets `priority`, every other existing thread the next lower one; later
     threads inherit their creator's. A real-time priority of the calling thread alone is not
@@ -120,7 +120,7 @@ def keep_cpus_awake() -> str | None:
 
 @cache
 def _latency_request() -> int:
-    """Open the kernel's latency file with a request, valid while the file is open."""
+    """Open the kernel's latency file and request no latency, as long as the file is open."""
     file = os.open(_LATENCY_FILE, os.O_WRONLY)
     os.write(file, struct.pack('=i', 0))
     return file

@@ -28,7 +28,7 @@ _OTHER_GEAR = 0.03
 
 @dataclass(frozen=True)
 class Spread:
-    """Bounds of the random deviations of a manufactured arm from its model, uniform within them.
+    """Bounds of the uniformly distributed deviations of a manufactured arm from its model.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class PlantParameters:
-    """True parameters of the simulated arm, on the joint side unless named `motor_`.
+    """True parameters of the simulated arm; those named `motor_` are on the motor side.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class PlantParameters:
 
     @classmethod
     def nominal(cls, config: ArmConfig, robot: Robot) -> 'PlantParameters':
-        """Return the parameters that URDF and configuration specify.
+        """Return the parameters as URDF and configuration specify them.
 
         Raises ValueError if URDF and configuration do not name the same joints.
         """
@@ -123,12 +123,12 @@ class PlantParameters:
         )
 
     def without_friction(self) -> 'PlantParameters':
-        """Return these parameters with zero joint friction."""
+        """Return a copy of these parameters with zero joint friction."""
         zero = np.zeros(len(self.joint_names))
         return replace(self, viscous=zero, coulomb=zero, load_friction=zero)
 
     def carrying(self, mass: float, centre: Sequence[float], radius: float) -> 'PlantParameters':
-        """Return these parameters with a homogeneous ball fixed to the last link.
+        """Return a copy of these parameters with a homogeneous ball fixed to the last link.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class PlantParameters:
         return replace(self, inertial_parameters=inertial)
 
     def perturbed(self, seed: int, spread: Spread | None = None) -> 'PlantParameters':
-        """Return the parameters of an arm with random manufacturing deviations from this arm.
+        """Return parameters that deviate from these at random, as after manufacturing.
 
         Each link's material is stretched and shifted by an affine map x -> A x + b, and its
         density scaled by a factor s. The link's pseudo-inertia P becomes s T P T' with T = [[A,
@@ -226,11 +226,11 @@ _STOP_SOLREF = (20.0 * SUBSTEP, 1.0)
 
 
 class PlantError(ValueError):
-    """The physics engine cannot simulate this arm; the text states what to check."""
+    """Error: the physics engine cannot simulate this arm; the text states what to check."""
 
 
 class ArmPlant:
-    """Simulated arm with rotor inertia, and viscous, Coulomb and load-dependent friction.
+    """Simulated arm with rotor inertia and with viscous, dry and load-dependent friction.
 
     The engine is MuJoCo, built from the URDF's kinematics and the given parameters, without the
     controllers' model. Equation of motion, thesis (2.7) with rotors::
@@ -319,7 +319,7 @@ class ArmPlant:
 
     @property
     def energy(self) -> float:
-        """Potential and kinetic energy of the arm with its motor rotors [J]."""
+        """Sum of potential and kinetic energy of the arm, including its motor rotors [J]."""
         mujoco.mj_forward(self._model, self._data)
         mujoco.mj_energyPos(self._model, self._data)
         mujoco.mj_energyVel(self._model, self._data)
@@ -346,7 +346,7 @@ class ArmPlant:
         self._set_gravity()
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Set the joint angles (n,) [rad] and velocities (n,) [rad/s], by default zero."""
+        """Set the joint angles (n,) [rad] and velocities (n,) [rad/s]; default zero."""
         mujoco.mj_resetData(self._model, self._data)
         self._angle[:] = position
         self._velocity[:] = 0.0 if velocity is None else velocity
@@ -356,11 +356,11 @@ class ArmPlant:
         self._set_friction()
 
     def restart(self, position: ArrayLike) -> None:
-        """Set the joint angles (n,) [rad] at rest, and the vehicle to its initial pose."""
+        """Restart with resting joints at these angles (n,) [rad], and the initial vehicle pose."""
         self.reset(position)
 
     def apply_effort(self, effort: ArrayLike) -> None:
-        """Set the motor torques (n,) [Nm], referred to the joint side."""
+        """Set the motor torques (n,) [Nm], as torques on the joint side."""
         self._effort[:] = effort
 
     def scale_friction(self, factors: Sequence[float]) -> None:
@@ -396,7 +396,7 @@ class ArmPlant:
         self.parameters = replace(self.parameters, inertial_parameters=inertial)
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and position (3,) [m] in the world of a moving link's frame.
+        """Return rotation (3, 3) and position (3,) [m] of a moving link's frame in the world.
 
         Raises
         ------
@@ -417,7 +417,7 @@ class ArmPlant:
         self._set_friction()
 
     def advance(self, seconds: float) -> None:
-        """Simulate a time [s], rounded to whole sub-steps, under constant motor torques."""
+        """Simulate `seconds` [s], rounded to whole sub-steps, with constant motor torques."""
         for _ in range(round(seconds / SUBSTEP)):
             self.step()
 
@@ -431,15 +431,15 @@ class ArmPlant:
         return _fixed_base_model(robot, self.parameters)
 
     def _last_link(self) -> int:
-        """Return the physics engine's number of the arm's last link."""
+        """Return the number of the arm's last link in the physics engine."""
         return int(self._model.jnt_bodyid[-1])
 
     def _body_name(self, link: str) -> str:
-        """Return the physics engine's name of a link."""
+        """Return the name of a link in the physics engine."""
         return link
 
     def _stribeck(self, dq: float) -> float:
-        """Return dry friction at a velocity [rad/s], relative to that at high speed."""
+        """Return the ratio of dry friction at a velocity [rad/s] to dry friction at high speed."""
         share = self.parameters.stribeck
         if share == 0.0:
             return 1.0
@@ -447,14 +447,14 @@ class ArmPlant:
         return 1.0 + share * exp(-min(ratio * ratio, 50.0))
 
     def _set_gravity(self) -> None:
-        """Set gravity in the physics engine to the fraction that no support carries."""
+        """Set gravity in the physics engine to the fraction that no external support carries."""
         self._model.opt.gravity = (1.0 - self._support) * self._gravity
 
     def _place_base(self) -> None:
-        """Set the pose of a moving base in the physics engine; a fixed base needs none."""
+        """Set the pose of a moving base in the physics engine; do nothing for a fixed base."""
 
     def _set_friction(self) -> None:
-        """Update the dry friction of the gears for the torque that they transmit."""
+        """Update the gears' dry friction, which depends on the transmitted torques."""
         # Plain numbers: for few joints they are faster than a dozen array operations.
         rows = zip(
             self._constants,
@@ -498,7 +498,7 @@ def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
 
 
 def bare_urdf(robot: Robot, parameters: PlantParameters) -> str:
-    """Return a URDF that contains only the robot's kinematics and the given inertia.
+    """Return a URDF that contains only the robot's kinematics and the given inertias.
 
     The URDF has no shapes, because there are no contacts, and no friction, because the plant has
     its own. `parameters` includes the inertia of fixed links in the links that carry them.

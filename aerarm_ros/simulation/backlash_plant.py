@@ -59,7 +59,7 @@ class BacklashPlant(ArmPlant):
 
     @property
     def backlash(self) -> Array:
-        """Copy of the backlash (n,) [rad]: angle that each link can turn while its rotor rests."""
+        """Copy of the backlash (n,) [rad]: range of each link while its rotor rests."""
         return self._play.copy()
 
     @property
@@ -68,7 +68,7 @@ class BacklashPlant(ArmPlant):
         return np.array(self._data.qpos[: self.n])
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Set rotors and links to joint angles (n,) [rad], in the middle of the backlash."""
+        """Set rotors and links to joint angles (n,) [rad], centred in the backlash."""
         super().reset(position, velocity)
         self._data.qpos[: self.n] = position
         self._data.qvel[: self.n] = 0.0 if velocity is None else velocity
@@ -76,7 +76,7 @@ class BacklashPlant(ArmPlant):
         self._set_friction()
 
     def step(self) -> None:
-        """Simulate one sub-step of 0.25 ms, with wear of the gears."""
+        """Simulate one sub-step of 0.25 ms, in which the backlash grows by wear."""
         super().step()
         wear = self.parameters.backlash_wear
         if wear:
@@ -116,7 +116,7 @@ class BacklashPlant(ArmPlant):
         model.tendon_range[:, 1] = 0.5 * self._play
 
     def _set_friction(self) -> None:
-        """Update the dry friction for the torque that the tooth flanks transmit."""
+        """Update the dry friction, which depends on the torque that the tooth flanks transmit."""
         coulomb = np.array([row[2] for row in self._constants])
         self._load[:] = self._data.qfrc_constraint[: self.n]
         limit = coulomb + self.parameters.load_friction * np.abs(self._load)

@@ -62,7 +62,7 @@ class BaseProfile:
     ramp: float = 2.0
 
     def evaluate(self, time: float) -> BaseState:
-        """Return the state of the base at `time` [s]; before zero the base is at rest."""
+        """Return the state of the base at `time` [s]; the base is at rest before time zero."""
         angle, rate, spin = self._oscillation(time, self.frequency)
         offset, speed, surge = self._oscillation(time, self.shift_frequency)
         half = 0.5 * (self.tilt + self.swing * angle)
@@ -99,4 +99,4 @@ BASE_PROFILES: Mapping[str, BaseProfile] = {
     # 30 degrees at 0.5 Hz about the roll axis, with a sway.
     MOVING: BaseProfile(swing=radians(30.0), shift=np.array([0.1, 0.15, 0.1])),
 }
-'Base motions by name: at rest, tilted by 20 degrees, or swinging by 30 degrees with sway.'
+'Base motions by name: still, tilted by 20 degrees, or swinging by 30 degrees with sway.'

@@ -1,4 +1,4 @@
-"""Simulated arm under a moving body: a prescribed base motion, or a flying drone."""
+"""Simulated arm under a body that follows a prescribed motion, or under a flying drone."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -58,12 +58,12 @@ class Rotors:
         return self._commanded_for
 
     def command(self, thrust: ArrayLike) -> None:
-        """Set the commanded thrusts (n,) [N], limited to those that the rotors can produce."""
+        """Set the commanded thrusts (n,) [N], limited to the range of the rotors."""
         self._target = np.clip(np.asarray(thrust, dtype=float), self._min, self._max)
         self._silence = 0.0
 
     def stop(self) -> None:
-        """Stop the rotors at once, as before the first command."""
+        """Stop the rotors at once, and reset them to the state before the first command."""
         self.thrust = self._stopped.copy()
         self._target = self._stopped
         self._silence = np.inf
@@ -90,7 +90,7 @@ _FREE = 6
 
 @dataclass(frozen=True, eq=False)
 class BaseBody:
-    """Mass properties of the body that carries the arm, with the poses of arm and IMU.
+    """Mass properties of the body that carries the arm, and poses of arm and IMU on this body.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class BaseBody:
 
 
 class FreeBasePlant(ArmPlant):
-    """Simulated arm (`ArmPlant`) on a free body; the engine simulates both in the world.
+    """Simulated arm (`ArmPlant`) on a free body; the physics engine simulates both.
 
     The engine computes the interaction of arm and body. The parameters are those of the arm on a
     fixed base. The robot's own gravity is not used.
@@ -184,7 +184,7 @@ def rotation_of(quaternion: Array) -> Array:
 
 
 def _with_free_base(robot: Robot, fixed: Any, base: BaseBody) -> Any:
-    """Return the engine's model of the arm on a free body, with the settings of `fixed`."""
+    """Return the physics engine's model of the arm on a free body, with the settings of `fixed`."""
     spec = mujoco.MjSpec()
     tensor = base.inertia
     body = spec.worldbody.add_body(
@@ -271,14 +271,14 @@ class MovingBasePlant(FreeBasePlant):
 
 
 SPIN_UP = 0.3
-"""[s] Time with rotor commands after which the simulation releases the held drone."""
+"""Duration [s] of rotor commands after which the simulation releases the held drone."""
 
 # [kg], [kg m^2] of a held drone, which is put back in each sub-step.
 _HELD = 1e6
 
 
 class FlyingPlant(FreeBasePlant):
-    """Simulated arm under a drone, which rotors and gusts of wind move.
+    """Simulated arm under a drone that is moved by rotors and gusts of wind.
 
     The simulation has no ground. At first, the simulation holds the drone still and level. The
     drone is released once the motors hold the arm and the rotors have been commanded for 0.3 s.
@@ -341,20 +341,20 @@ class FlyingPlant(FreeBasePlant):
         return base.position, np.roll(base.quaternion, -1), velocity, base.angular_velocity
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Set joint angles and velocities (default zero), and hold the drone level in place."""
+        """Set joint angles and velocities (default zero), and hold the drone level."""
         self._place = self._data.qpos[:3].copy()
         self._turn = _heading(self._data.qpos[3:7])
         self._hold(True)
         super().reset(position, velocity)
 
     def restart(self, position: ArrayLike) -> None:
-        """Set the joint angles (n,) [rad] at rest, and the drone to its initial pose."""
+        """Restart with resting joints at these angles (n,) [rad], and the initial drone pose."""
         self._data.qpos[:7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         self.rotors.stop()
         super().restart(position)
 
     def let_go(self) -> None:
-        """Release the held drone, which then moves under its rotors and gravity."""
+        """Release the held drone, so that it moves under its rotors and gravity."""
         self._hold(False)
 
     def push(self, twist: ArrayLike) -> None:
@@ -378,7 +378,7 @@ class FlyingPlant(FreeBasePlant):
         self._touched = (body, place, force) if force.any() else None
 
     def build(self, wall: Wall, link: str) -> None:
-        """Add a wall to the simulation, which the origin of a link's frame can touch.
+        """Add a wall that the origin of a link's frame can touch.
 
         Raises
         ------
@@ -388,7 +388,7 @@ class FlyingPlant(FreeBasePlant):
         self.wall, self._leaning = wall, self.place_on(link)
 
     def place_on(self, link: str) -> tuple[int, Array]:
-        """Return the engine's body of a link, and the position of the link's frame in it [m].
+        """Return the engine's body number of a link, and the link frame's position in that body.
 
         Raises
         ------
@@ -450,7 +450,7 @@ class FlyingPlant(FreeBasePlant):
         self._pull(body, place, wall.update(at, SUBSTEP))
 
     def _drive(self, wrench: Array) -> None:
-        """Apply the rotors' wrench (6,) in body axes, and the force of the wind."""
+        """Apply the rotors' wrench (6,), given in body axes, and the wind's force to the drone."""
         rotation = rotation_of(self._pose[3:7])
         force = wrench[:3]
         if self._gust is None:
@@ -465,7 +465,7 @@ class FlyingPlant(FreeBasePlant):
 
 
 def _heading(quaternion: Array) -> Array:
-    """Return the heading of an attitude (w, x, y, z) as a rotation about the vertical."""
+    """Return an attitude (w, x, y, z) reduced to its heading, a rotation about the vertical."""
     w, _, _, z = quaternion
     length = np.hypot(w, z)
     if length < 1e-6:
@@ -474,7 +474,7 @@ def _heading(quaternion: Array) -> Array:
 
 
 def _body(robot: Robot, drone: DroneConfig) -> BaseBody:
-    """Return the body that consists of the drone and the arm's base link."""
+    """Return the rigid body that consists of the drone and the arm's base link."""
     mount, rotation = np.array(drone.mount.position), drone.mount.rotation
     link = robot.model.inertias[0]
     mass, centre, inertia = joined(

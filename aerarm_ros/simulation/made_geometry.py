@@ -45,7 +45,7 @@ class GeometrySpread:
 
 @dataclass(frozen=True, eq=False)
 class MadeGeometry:
-    """Geometry of a manufactured arm: displaced joints, encoder zeros, mount and IMU.
+    """Geometry of a manufactured arm: errors of joints, encoder zeros, mount and IMU.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class MadeGeometry:
 
     @classmethod
     def of(cls, robot: Robot, seed: int, spread: GeometrySpread | None = None) -> MadeGeometry:
-        """Return an arm with random errors, normally distributed with the given deviations."""
+        """Return an arm with normally distributed errors of the given standard deviations."""
         spread = spread or GeometrySpread()
         random = np.random.default_rng([seed, 37])
         n = robot.n
@@ -88,7 +88,7 @@ class MadeGeometry:
         )
 
     def config(self, drawn: ArmConfig) -> ArmConfig:
-        """Return the configuration with the true joint offsets."""
+        """Return a copy of the configuration with the true joint offsets."""
         joints = tuple(
             replace(joint, offset=joint.offset + float(offset))
             for joint, offset in zip(drawn.joints, self.offsets, strict=True)
@@ -96,7 +96,7 @@ class MadeGeometry:
         return replace(drawn, joints=joints)
 
     def drone(self, drawn: DroneConfig) -> DroneConfig:
-        """Return the drone with the true poses of the arm's mount and of the IMU."""
+        """Return a copy of the drone's data with the true poses of arm mount and IMU."""
         return replace(
             drawn,
             mount=_moved(drawn.mount, self.mount_shift, self.mount_turn, drawn.size),
@@ -116,7 +116,7 @@ class MadeGeometry:
 
 
 def displaced_urdf(text: str, joint_names: tuple[str, ...], shifts: Array, turns: Array) -> str:
-    """Return a copy of a URDF in which the joints are displaced.
+    """Return a copy of a URDF with displaced joints.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def rotation_about(vector: Array) -> Array:
 
 
 def angles_of(rotation: Array) -> Array:
-    """Return roll, pitch and yaw (3,) [rad] of a rotation matrix, in URDF's convention."""
+    """Return roll, pitch and yaw (3,) [rad] of a rotation matrix, with the convention of URDF."""
     pitch = -np.arcsin(np.clip(rotation[2, 0], -1.0, 1.0))
     if abs(np.cos(pitch)) < 1e-9:
         return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])])
@@ -161,7 +161,7 @@ def angles_of(rotation: Array) -> Array:
 
 
 def _moved(pose: PoseConfig, shift: Array, turn: Array, size: tuple[float, ...]) -> PoseConfig:
-    """Return a displaced pose whose position stays inside the body's box."""
+    """Return a displaced pose; its position is limited to the body's box."""
     half = 0.5 * np.array(size)
     place = np.clip(np.array(pose.position) + shift, -half, half)
     angles = angles_of(rotation_about(turn) @ pose.rotation)

@@ -1,4 +1,4 @@
-"""Emulated motion capture and emulated camera, which measure the pose of an arm link."""
+"""Emulated motion capture system and emulated camera, which measure the pose of an arm link."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ITERATIONS = 15
 
 
 class Located(Protocol):
-    """Interface of a simulated arm that returns the poses of its links."""
+    """Interface of a simulated arm that returns poses of its links."""
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
         """Return rotation (3, 3) and position (3,) [m] of a link in the world."""
@@ -56,7 +56,7 @@ class MocapSettings:
 
 
 class EmulatedMocap:
-    """Emulated motion capture system, which measures markers on a link in its own frame.
+    """Emulated motion capture system, which measures the positions of markers on a link.
 
     A marker is visible if at least two of eight cameras on a ring are in front of it. The marker's
     normal points away from the link's axis.
@@ -209,7 +209,7 @@ class EmulatedCamera:
         return camera[0].T @ marker[0], camera[0].T @ (marker[1] - camera[1])
 
     def _solved(self, pixels: Array, rotation: Array, place: Array) -> tuple[Array, Array]:
-        """Return the marker pose of least reprojection error, by the Gauss-Newton method."""
+        """Return the marker pose with the least reprojection error, by the Gauss-Newton method."""
         focal = self._settings.focal_length
         for _ in range(_ITERATIONS):
             turned = self._corners @ rotation.T
@@ -251,7 +251,7 @@ def _rotation_of(quaternion: Array) -> Array:
 
 
 def _looking(at: tuple[float, ...], towards: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return the pose at a point whose z axis points to a second point."""
+    """Return a pose at a first point, with the z axis towards a second point."""
     place = np.array(at)
     forward = np.array(towards) - place
     forward /= np.linalg.norm(forward)

@@ -31,7 +31,7 @@ Reading = TypeVar('Reading')
 
 
 class DelayedSensor(Generic[Reading]):
-    """Emulated sensor that is read periodically, and whose readings arrive after a delay.
+    """Emulated sensor with periodic readings that arrive after a delay.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ class DelayedSensor(Generic[Reading]):
         self._under_way: deque[tuple[int, int, Reading]] = deque()
 
     def restart(self) -> None:
-        """Read the sensor in the next cycle, and drop readings that have not arrived."""
+        """Restart: read the sensor in the next cycle, and drop readings that are under way."""
         self._count = 0
         self._under_way.clear()
 
     def update(self, stamp_ns: int) -> tuple[int, Reading] | None:
-        """Advance by a cycle that begins at `stamp_ns` [ns]; return an arriving reading.
+        """Advance by the cycle that begins at `stamp_ns` [ns]; return an arriving reading.
 
         Returns
         -------
@@ -85,7 +85,7 @@ _BLOCK = 4096  # number of random numbers drawn at once
 
 
 class RandomDrift:
-    """Random process with three independent axes: a first-order Gauss-Markov process.
+    """First-order Gauss-Markov process on three independent axes.
 
     The autocorrelation is `deviation^2 exp(-|t| / correlation_time)`. The process is the
     longitudinal gust of Dryden's spectrum, with the scale length over the airspeed as correlation
@@ -111,7 +111,7 @@ class RandomDrift:
         self.value = deviation * random.standard_normal(3)
 
     def update(self) -> Array:
-        """Advance by a period and return the new value (3,)."""
+        """Advance by one period and return the new value (3,) of the process."""
         if self._next == len(self._noise):
             self._noise = self._drive * self._random.standard_normal((_BLOCK, 3))
             self._next = 0
@@ -121,7 +121,7 @@ class RandomDrift:
 
 
 class BandLimitedNoise:
-    """Random process with three independent axes: white noise after a Butterworth filter.
+    """White noise after a Butterworth low-pass filter, on three independent axes.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class BandLimitedNoise:
         self._next = 0
 
     def update(self) -> Array:
-        """Advance by a period and return the new value (3,)."""
+        """Advance by one period and return the new value (3,) of the process."""
         if self._next == len(self._values):
             self._draw()
         self.value = self._values[self._next]
@@ -176,7 +176,7 @@ _ATTITUDE_TIME = 10.0  # [s] correlation time of an attitude filter's error
 
 @dataclass(frozen=True)
 class ImuErrors:
-    """Errors of an emulated IMU; each value is a standard deviation per axis.
+    """Errors of an emulated IMU, as standard deviations per axis.
 
     Attributes
     ----------
@@ -230,7 +230,7 @@ OdometryReading = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """White noise of an emulated odometry; each value is a standard deviation per axis.
+    """White noise of an emulated odometry, as standard deviations per axis.
 
     Attributes
     ----------

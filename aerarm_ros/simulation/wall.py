@@ -49,12 +49,12 @@ class WallParameters:
         numbers = self.stiffness, self.damping, self.friction, self.yields_after, self.yield_speed
         if not all(number >= 0.0 for number in numbers) or not 0.0 < self.stiffness < np.inf:
             raise ValueError(
-                'the stiffness of the wall must be positive, other numbers not negative'
+                'wall: the stiffness must be positive, and the other numbers not negative'
             )
 
 
 class Wall:
-    """Simulated plane that acts on a touching point by spring, damper and dry friction.
+    """Simulated wall that acts on a touching point by spring, damper and dry friction.
 
     The force along the normal is `k d + c dd/dt` for a depth d, and never pulls. A tangential
     spring of the same stiffness models the friction. It slips at the friction coefficient times
@@ -81,7 +81,7 @@ class Wall:
         self._touched_for: float | None = None
 
     def update(self, place: ArrayLike, dt: float) -> Array:
-        """Return the force (3,) [N] on a point at `place` (3,) [m], `dt` [s] after the last."""
+        """Return the force (3,) [N] on a point at `place` (3,) [m]; call every `dt` [s]."""
         wall, offset = self.parameters, np.asarray(place, dtype=float) - self._point
         depth = float(offset @ self._normal)
         if self._touched_for is not None:
@@ -100,12 +100,12 @@ class Wall:
         return self.force
 
     def _yielded(self, touched_for: float) -> float:
-        """Return the distance [m] by which the wall has yielded after the first touch."""
+        """Return how far [m] the wall has yielded since the first touch."""
         wall, late = self.parameters, touched_for - self.parameters.yields_after
         return wall.yield_speed * late if late > 0.0 else 0.0
 
     def _rubbed(self, offset: Array, pressed: float) -> Array:
-        """Return the friction force (3,) [N] on the point for a normal force [N]."""
+        """Return the friction force (3,) [N] on the touching point under a normal force [N]."""
         wall, along = self.parameters, offset - (offset @ self._normal) * self._normal
         if self._anchor is None:
             self._anchor = along

@@ -1,4 +1,4 @@
-"""Present pose of the arm's base in the world, from delayed odometry and the IMU."""
+"""Estimation of the base's present pose in the world, from delayed odometry and the IMU."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -61,19 +61,19 @@ class BasePose(NamedTuple):
     rate: Array
 
     def to_world(self, place: Array) -> Array:
-        """Convert a point (3,) from the base frame to the world [m]."""
+        """Convert a point (3,) [m] from the base frame to the world frame."""
         moved: Array = self.position + self.rotation @ place
         return moved
 
     def to_base(self, place: Array) -> Array:
-        """Convert a point (3,) from the world to the base frame [m]."""
+        """Convert a point (3,) [m] from the world frame to the base frame."""
         moved: Array = self.rotation.T @ (place - self.position)
         return moved
 
 
 @dataclass(frozen=True, eq=False)
 class OdometryFrames:
-    """Poses of base and IMU in the frame whose pose the odometry measures.
+    """Poses of base and IMU in the odometry's body frame.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class OdometryFrames:
 
     @classmethod
     def of(cls, drone: DroneConfig | None, mount: Mount) -> 'OdometryFrames':
-        """Return the frames of a drone's body, or of a base that is measured itself."""
+        """Return the poses in the drone's body, or in the base if odometry measures the base."""
         if drone is None:
             return cls(
                 np.zeros(3), np.eye(3), mount.imu_position_in_base, mount.rotation_imu_to_base
@@ -100,7 +100,7 @@ class OdometryFrames:
 
 
 class _Predicted(NamedTuple):
-    """State of the IMU at a time of the drone's clock."""
+    """State of the IMU at a time, given on the drone's clock."""
 
     time: float
     position: Array
@@ -109,7 +109,7 @@ class _Predicted(NamedTuple):
 
 
 class BasePoseEstimator:
-    """Predict the base's pose with the IMU and correct it with the odometry at its stamps.
+    """Filter that predicts the base's pose with the IMU, and corrects it with the odometry.
 
     A Kalman filter estimates position and velocity of the IMU, and the accelerometer's bias. The
     prediction of the IMU's own position does not need the angular acceleration. The gyroscope
@@ -161,7 +161,7 @@ class BasePoseEstimator:
         self._forget()
 
     def _forget(self) -> None:
-        """Restart the filter with the next odometry."""
+        """Clear the filter, which the next odometry sample initializes."""
         self._state: _Predicted | None = None
         self._bias, self._variance = np.zeros(3), _FIRST.copy()
         self._rate, self._force = np.zeros(3), np.zeros(3)
@@ -176,7 +176,7 @@ class BasePoseEstimator:
         self._frozen = FreezeWatch(_FROZEN)
 
     def problem(self, now: float) -> str:
-        """Return why the pose cannot be used at `now` [s], or an empty string."""
+        """Return a text if the pose cannot be used at `now` [s], otherwise an empty string."""
         if np.isinf(self._received):
             return f'odometry: {self._problem}' if self._problem else 'no odometry yet'
         age = now - self._received
@@ -189,14 +189,14 @@ class BasePoseEstimator:
         return ''
 
     def accept_next(self) -> None:
-        """Accept the next odometry in any case, because a user gave a target in its frame."""
+        """Accept the next odometry even after a jump, as a new target refers to its frame."""
         if self._problem:
             offset = self._offset
             self._forget()
             self._offset = offset
 
     def offer_imu(self, sample: ImuSample, now: float) -> None:
-        """Process a checked IMU sample, received at `now` [s] of the arm's clock."""
+        """Process a valid IMU sample that was received at `now` [s] on the arm's clock."""
         self._compare_clocks(sample.stamp, now)
         if -1.0 < sample.stamp - self._imu_stamp <= 0.0:
             return
@@ -220,7 +220,7 @@ class BasePoseEstimator:
         self._history.append(self._state)
 
     def offer_odometry(self, sample: OdometrySample, now: float) -> None:
-        """Process a checked odometry sample, received at `now` [s] of the arm's clock.
+        """Process a valid odometry sample that was received at `now` [s] on the arm's clock.
 
         Raises
         ------
@@ -235,7 +235,7 @@ class BasePoseEstimator:
             raise RejectedInputError(f'odometry: {error}') from None
 
     def pose(self, now: float) -> BasePose:
-        """Return the base's pose at `now` [s] of the arm's clock; call `problem` first."""
+        """Return the base's pose at `now` [s] on the arm's clock; call `problem` first."""
         state = self._state
         assert state is not None
         step = min(max(self._drone_time(now) - state.time, 0.0), self._timeout)
@@ -276,7 +276,7 @@ class BasePoseEstimator:
     # Prediction and correction.
 
     def _predict(self, step: float, rate: Array, force: Array | None) -> None:
-        """Advance by `step` [s], with the angular rate and specific force in body axes."""
+        """Advance the prediction by `step` [s], given angular rate and specific force."""
         state = self._state
         assert state is not None
         acceleration, drive = np.zeros(3), _DRIVE_BLIND
@@ -303,13 +303,13 @@ class BasePoseEstimator:
         age = self._drone_time(now) - sample.stamp
         if not -0.01 < age < self._timeout:
             self._problem = (
-                f'a sample is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check its '
-                'delay, and the clock of its publisher'
+                f'a sample is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check the '
+                'delay and the clock of the publisher'
             )
             if abs(age) > 5.0 * self._timeout:
                 self._problem = (
-                    f'its clock is {-age:+.2f} s off: synchronise the clocks of the publishers '
-                    'of odometry, IMU and joint_states'
+                    f'the clock of the publisher is {-age:+.2f} s off: synchronise the clocks of '
+                    'the publishers of odometry, IMU and joint_states'
                 )
             raise RejectedInputError(self._problem)
         interval = self._interval = sample.stamp - self._stamp
@@ -322,7 +322,7 @@ class BasePoseEstimator:
         )
         reading = np.concatenate([sample.position, sample.attitude])
         if self._frozen.is_frozen(reading, sample.stamp, moving > 0.0):
-            self._problem = 'its pose stays the same while the drone moves (frozen)'
+            self._problem = 'the pose does not change while the drone moves (frozen)'
             raise RejectedInputError(self._problem)
         measured = self._measured(sample)
         if self._state is None or not -_FORGOTTEN < interval < _FORGOTTEN:
@@ -333,7 +333,7 @@ class BasePoseEstimator:
         self._correct(measured, now)
 
     def _measured(self, sample: OdometrySample) -> _Predicted:
-        """Return the state of the IMU according to an odometry sample."""
+        """Return the state of the IMU that follows from an odometry sample."""
         rotation, lever = rotation_matrix(sample.attitude), self._frames.imu_position
         velocity = rotation @ (sample.velocity + cross(sample.rate, lever))
         return _Predicted(sample.stamp, sample.position + rotation @ lever, velocity, rotation)
@@ -354,7 +354,7 @@ class BasePoseEstimator:
         self._problem, self._doubted, self._received = '', None, now
 
     def _advance_blindly(self, sample: OdometrySample) -> None:
-        """Extrapolate with the velocities of the previous odometry, without IMU."""
+        """Extrapolate with the velocities of the odometry, because IMU samples are missing."""
         state = self._state
         assert state is not None
         self._rate = sample.rate
@@ -365,7 +365,7 @@ class BasePoseEstimator:
             self._history.append(self._state)
 
     def _at(self, time: float) -> _Predicted:
-        """Return the prediction for a time."""
+        """Return the predicted state at a past time, interpolated from the history."""
         earlier = self._history[0]
         for state in self._history:
             if state.time > time:
@@ -413,7 +413,7 @@ class BasePoseEstimator:
         self._accept(now)
 
     def _apply(self, time: float, shift: Array, change: Array, correction: Array) -> None:
-        """Correct the predictions from a time on."""
+        """Correct all stored predictions from a time on, by an error found at that time."""
         corrected = [
             _Predicted(
                 state.time,
@@ -429,7 +429,7 @@ class BasePoseEstimator:
         self._state = corrected[-1]
 
     def _has_jumped(self, off: Array, turn: Array, now: float) -> bool:
-        """Process a jump; return whether it has persisted and can be accepted."""
+        """Check for a jump of the odometry; return whether one persists and is accepted."""
         # A doubtful sample also ends a time without samples, because a jump must not count as
         # growing error.
         silent = min(max(self._interval, 0.0), _FORGOTTEN)
@@ -438,7 +438,7 @@ class BasePoseEstimator:
         distance, angle = float(np.linalg.norm(off)), float(np.linalg.norm(turn))
         if distance <= allowed and angle <= _TURN:
             return False
-        self._problem = f'its pose jumped by {distance:.2f} m and {angle:.2f} rad'
+        self._problem = f'the pose jumped by {distance:.2f} m and {angle:.2f} rad'
         if distance > self._jump_max or angle > self._jump_max:
             self._problem += (
                 f' (jump_max: {self._jump_max:g}): check the odometry, or send a new target'
@@ -471,7 +471,7 @@ def _turned(turn: Array) -> Array:
 
 
 def _turn(rotation: Array) -> Array:
-    """Return the rotation vector (3,) [rad] of a rotation of less than half a turn."""
+    """Return the rotation vector (3,) [rad] of a rotation by less than half a turn."""
     half = 0.5 * np.array(
         [
             rotation[2, 1] - rotation[1, 2],

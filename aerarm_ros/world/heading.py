@@ -1,4 +1,4 @@
-"""Heading of a hovering drone under the moment of its arm about the vertical."""
+"""Prediction of a hovering drone's heading under the vertical moment of its arm."""
 
 from itertools import pairwise
 from math import acos, ceil, exp, pi, sqrt
@@ -20,7 +20,7 @@ _TAIL = 3.0  # observed time after the motion, relative to 1 / frequency
 
 
 class HeadingControl:
-    """Model of a drone's heading control, with limited moment, and the accepted deviation.
+    """Model of a drone's heading control with limited moment, and the accepted deviation.
 
     The vertical angular momentum p of drone and arm changes only by the rotors' moment u. With the
     momentum L of the arm, that of an unknown payload L_p, and the inertia I of drone and arm about
@@ -55,7 +55,7 @@ class HeadingControl:
 
     @property
     def turn_max(self) -> float:
-        """Largest |L| / I [rad/s] with which no motion exceeds the limit.
+        """Largest momentum per inertia, |L| / I [rad/s], that never exceeds the heading limit.
 
         The bound is 0.4 times that of a linear system (integral of the magnitude of the impulse
         response). The fraction covers the limited moment of the rotors.
@@ -72,7 +72,7 @@ class HeadingControl:
         high: Array,
         carried: Array | float = 0.0,
     ) -> float:
-        """Return the largest deviation of the heading during a motion and after it [rad].
+        """Return the heading's largest deviation [rad] during a motion and afterwards.
 
         Parameters
         ----------
@@ -102,7 +102,7 @@ class HeadingControl:
 
 
 def _largest(step: float, kp: float, kd: float, columns: list[Array]) -> float:
-    """Return the largest |psi| of `HeadingControl` from rest [rad], on a grid of `step` [s].
+    """Return the largest heading |psi| [rad] of `HeadingControl` from rest, for a time step [s].
 
     The columns are L, I, the smallest and the largest moment, and the moment fed forward.
     """

@@ -24,11 +24,11 @@ _LONGEST = 60.0  # [s] longest reported time
 _SLOW = 0.01  # [m/s]
 
 DIRECTIONS = np.vstack([np.eye(3), -np.eye(3)])
-"""(6, 3): along the world's axes, then against them."""
+"""Directions (6, 3) in the world: along the positive, then along the negative axes."""
 
 
 class ReachMargin(NamedTuple):
-    """Distances [m] that the drone can move while the tool stays in place.
+    """Distances [m] that the drone can move while the arm keeps the tool in place.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class ReachMargin(NamedTuple):
 
 
 class ArmReach:
-    """Find the points that the tool can reach, by inverse kinematics.
+    """Finds by inverse kinematics whether the tool can reach points.
 
     The search starts at the present posture. A point beyond a singularity, which the arm could only
     reach by another path, counts as out of reach.
@@ -66,11 +66,11 @@ class ArmReach:
         self._inverse = DampedInverse(0.03, 0.02) if inverse is None else inverse
 
     def beyond(self, place: Array, q: Array) -> float:
-        """Return the distance [m] by which a point (3,) in the base frame is out of reach, or 0."""
+        """Return how far [m] a point (3,) in the base frame is out of reach; 0 within reach."""
         return self.beyond_any(place[np.newaxis], q)
 
     def beyond_any(self, places: Array, q: Array) -> float:
-        """Return the largest distance [m] by which points (M, 3) of a path are out of reach, or 0.
+        """Return how far [m] the points (M, 3) of a path are out of reach at most; 0 within reach.
 
         At most 12 points are checked, each from the posture of the previous one.
         """
@@ -82,7 +82,7 @@ class ArmReach:
         return 0.0 if farthest <= _REACHED else farthest
 
     def margin(self, q: Array, pose: BasePose, place: Array) -> ReachMargin:
-        """Return the base's possible motion while the tool is at a point (3,) of the world [m]."""
+        """Return how far the base can move while the tool stays at a point (3,) of the world."""
         along = np.array([self._way(q, pose, place, direction) for direction in DIRECTIONS])
         speed, time = float(np.linalg.norm(pose.velocity)), _LONGEST
         if speed > _SLOW:
@@ -100,7 +100,7 @@ class ArmReach:
         return _FARTHEST
 
     def _approach(self, place: Array, q: Array, iterations: int) -> tuple[Array, float]:
-        """Return the posture nearest to a point, and the tool's distance from the point [m]."""
+        """Return the posture that brings the tool nearest to a point, and the distance left [m]."""
         for _ in range(iterations):
             error = place - self._kinematics.position(q)
             if error @ error < (0.1 * _REACHED) ** 2:
@@ -113,7 +113,7 @@ class ArmReach:
 
 
 class DroneRequest:
-    """Slowly moving set point for the drone, at which the arm is in the middle of its reach.
+    """Slow set point for the drone, which keeps the arm in the middle of its reach.
 
     The requested position depends on the tool's target and on the heading at the start of the
     request. The request does not depend on the drone's position or the arm's posture, so it closes
@@ -146,14 +146,14 @@ class DroneRequest:
         self.reset()
 
     def reset(self) -> None:
-        """Restart the request at the drone's next received position."""
+        """Restart the request at the next received position of the drone."""
         self._place: Array | None = None
         self._yaw = 0.0
         self._time = 0.0
         self._moves = False
 
     def update(self, now: float, target: Array, pose: BasePose) -> FlightTarget:
-        """Return the requested position at `now` [s], for a tool target (3,) in the world."""
+        """Return the drone position to request at `now` [s], for a tool target (3,)."""
         body = pose.rotation @ self._to_mount.T
         if self._place is None:
             self._place, self._yaw, self._time = (

@@ -1,4 +1,4 @@
-"""Slow a motion of the arm down so that the rotors of its drone can follow."""
+"""Slows the arm's motions down, so that the rotors of its drone can balance them."""
 
 from typing import NamedTuple, Protocol
 
@@ -45,7 +45,7 @@ class PacedMotion(Protocol):
 
 
 class _Course(NamedTuple):
-    """Samples of a motion at M times [s], with the thrusts that each sample needs.
+    """Samples of a motion at M times [s], with the rotor thrusts that each sample needs.
 
     At the pace r with its rate r' the thrusts [N] are `along r' + across r^2 + still`, from the
     middle of each rotor's range, (M, m) each. `sideways` (2, M, 3) is the horizontal force [N] for
@@ -66,7 +66,7 @@ class _Course(NamedTuple):
 
 
 class RotorGovernor:
-    """Slow a motion along its path until rotor thrusts and heading respect their limits.
+    """Slows a motion along its path, so that rotor thrusts and heading respect their limits.
 
     The pace r is the speed relative to the given motion, and r' [1/s] is its rate. At a point of
     the motion, a level, hovering drone needs these thrusts::
@@ -91,7 +91,7 @@ class RotorGovernor:
     gravity_in_base : (3,) array_like
         Gravity of a level drone [m/s^2].
     share : float
-        Used fraction of the rotors' thrust range [-].
+        Fraction of the rotors' thrust range that the arm's motion may use [-].
     heading : HeadingControl, optional
         Model of the heading with its limit; without it only the thrusts are limited.
     unknown_payload : float
@@ -132,7 +132,7 @@ class RotorGovernor:
         self.last_stretch = 1.0
 
     def thrusts(self, motion: JointReference) -> tuple[Array, Array, Array]:
-        """Return the thrusts (m,) [N] that a point of a motion needs: along, across and still.
+        """Return the thrusts `along`, `across` and `still` (m,) [N] at a point of a motion.
 
         At the pace r with its rate r' the thrusts are `along r' + across r^2 + still`.
         """
@@ -141,7 +141,7 @@ class RotorGovernor:
         return rows[0], rows[1], rows[2]
 
     def _wrenches(self, motion: JointReference) -> tuple[Array, Array, Array]:
-        """Return the wrenches (6,) `along`, `across` and `still` at a point, see `thrusts`."""
+        """Return the wrenches (6,) for which `thrusts` returns the thrusts at a point."""
         zero, rest = np.zeros(self.whole.n), np.zeros(3)
         q, dq, ddq = motion
         still = self.whole.forces(q, zero, zero, rest, self._felt)[:6]
@@ -150,7 +150,7 @@ class RotorGovernor:
         return along, across, still
 
     def _given(self, wrench: Array, com: Array) -> Array:
-        """Return the part of a wrench that the rotors of a level drone can give.
+        """Return the part (6,) of a wrench that the rotors of a level drone can produce.
 
         The result lacks the horizontal force of a drone with rotors in one plane, and keeps the
         moment about the centre of mass.
@@ -159,7 +159,7 @@ class RotorGovernor:
         return np.concatenate([force, wrench[3:] + cross(com, force - wrench[:3])])
 
     def _carried(self, motion: JointReference, com: Array, linear: Array) -> float:
-        """Return the momentum of the unknown payload about the vertical [Nms].
+        """Return the angular momentum of the unknown payload about the vertical [Nms].
 
         The momentum is about the centre of mass and relative to its velocity; `linear` (3,) is the
         linear momentum of the arm [Ns].
@@ -172,13 +172,13 @@ class RotorGovernor:
         return self._unknown * float(lever @ velocity)
 
     def usage(self, motion: JointReference, pace: float = 1.0, change: float = 0.0) -> float:
-        """Return the rotors' largest usage: 0 in the middle of the range, 1 at the limit."""
+        """Return the largest use of a rotor's range: 0 in its middle, 1 at its limits."""
         along, across, still = self.thrusts(motion)
         wanted = along * change + across * pace**2 + still
         return float((np.abs(wanted - self._middle) / self._half).max())
 
     def govern(self, motion: PacedMotion) -> PacedMotion:
-        """Return the motion unchanged, or its path at a lower pace.
+        """Return the motion, slowed along its path as far as the rotors require.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class RotorGovernor:
         )
 
     def slowdown(self, motion: PacedMotion) -> float:
-        """Return the factor, 1 or more, of the duration with which the motion respects the limits.
+        """Return the factor, 1 or more, by which a motion must be longer to respect the limits.
 
         One factor for the whole motion keeps the shape of an excitation.
 
@@ -239,7 +239,7 @@ class RotorGovernor:
         return high
 
     def limited(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return a joint acceleration (n,) [rad/s^2] reduced to the allowed rotor thrusts.
+        """Return a joint acceleration (n,) [rad/s^2], reduced as the rotor thrusts require.
 
         If the thrusts are beyond their share without acceleration, a fraction of it stays, with
         which the arm can brake.
@@ -257,11 +257,11 @@ class RotorGovernor:
 
     @property
     def share(self) -> float:
-        """Used fraction of the rotors' thrust range [-]."""
+        """Fraction of the rotors' thrust range that the arm's motion may use [-]."""
         return self._share
 
     def usage_in_contact(self, q: Array, force: Array, place: Array) -> float:
-        """Return the rotors' largest usage while the tool presses: 0 in the middle, 1 at the limit.
+        """Return the largest use of a rotor's range (as `usage`) while the tool presses.
 
         Parameters
         ----------
@@ -275,7 +275,7 @@ class RotorGovernor:
         return float((np.abs(still + pressing) / self._half).max())
 
     def motion_limits(self, q: Array, dq: Array, most: Array) -> MotionLimit:
-        """Return limits for a stream, a motion whose path is unknown.
+        """Return limits for a streamed motion, whose further path is unknown.
 
         The thrusts stay within their share, whatever signs the accelerations of the joints have.
         Each joint may use an equal part of the rotors' range beside hovering and the moment that
@@ -303,7 +303,7 @@ class RotorGovernor:
         return MotionLimit(acceleration, turned, turn_max)
 
     def _hovering(self, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]:
-        """Return `M_bj` (6, n), centre of mass, inertia, and thrusts at constant velocity (m,).
+        """Return `M_bj` (6, n), centre of mass, inertia, and thrusts (m,) for `ddq = 0`.
 
         The thrusts [N] are those from the middle of each rotor's range.
         """
@@ -314,7 +314,7 @@ class RotorGovernor:
         return coupling, com, inertia, self._mixer @ self._given(wrench, com) - self._middle
 
     def _course(self, motion: PacedMotion, most: int | None = None) -> _Course:
-        """Return samples of a motion every 20 ms, `most` at most; check that the drone hovers."""
+        """Sample a motion every 20 ms, up to `most` times; check that the drone can hover."""
         count = max(2, int(np.ceil(motion.duration / _STEP)) + 1)
         times = np.linspace(0.0, motion.duration, count if most is None else min(count, most))
         points = [motion.evaluate(min(time, motion.duration)) for time in times.tolist()]
@@ -332,7 +332,7 @@ class RotorGovernor:
         return _Course(times, points, along, across, still, sideways, *turning)
 
     def _row(self, point: JointReference) -> tuple[Array | float, ...]:
-        """Return the values of one sample of a `_Course`."""
+        """Return one sample of a motion: the values of the fields of `_Course`."""
         _, com, inertia = self.whole.composite_inertia(point.q)
         wrenches = self._wrenches(point)
         along, across, still = (self._mixer @ self._given(wrench, com) for wrench in wrenches)
@@ -342,7 +342,7 @@ class RotorGovernor:
         return along, across, still, left_out, inertia, float(self._up @ momentum), carried
 
     def _static_pace(self, course: _Course) -> Array:
-        """Return the highest pace (M,), at most 1, with `across r^2 + still` within limits."""
+        """Return the highest constant pace (M,), at most 1, that respects the thrust limits."""
         limit = self._share * self._half
         across, still = course.across, course.still
         room = np.where(across > 0.0, limit - still, limit + still)
@@ -352,7 +352,7 @@ class RotorGovernor:
         return pace
 
     def _factor(self, course: _Course, pace: Array) -> float:
-        """Return 1 if a pace (M,) respects the limits, otherwise a factor to try."""
+        """Return 1 if a pace (M,) respects the limits, otherwise a factor for the next attempt."""
         times = _stretched(course.times, pace)
         change = np.gradient(pace, times)
         motion = course.along * change[:, None] + course.across * (pace**2)[:, None]
@@ -377,7 +377,7 @@ class RotorGovernor:
         return _factor_of(self._heading.limit / turned)
 
     def _moments(self, wanted: Array, moment: Array) -> tuple[Array, Array]:
-        """Return the smallest and largest moment (M,) [Nm] about the vertical that remain.
+        """Return the range (M,) [Nm] of vertical moments that other thrusts leave.
 
         `wanted` (M, m) are all thrusts from the middle of their range, including those for the
         `moment` (M,) about the vertical. Other thrusts beyond the limits leave no range.
@@ -390,7 +390,7 @@ class RotorGovernor:
         return np.minimum(low, middle), np.maximum(high, middle)
 
     def _tilting(self, course: _Course, times: Array, pace: Array, change: Array) -> Array:
-        """Return the thrusts (M, m) [N] that tilt a drone with rotors in one plane in time."""
+        """Return the thrusts (M, m) [N] that tilt a drone with rotors in one plane."""
         if not course.sideways.any():
             return np.zeros_like(course.along)
         force = course.sideways[0] * change[:, None] + course.sideways[1] * (pace**2)[:, None]
@@ -421,7 +421,7 @@ class RotorGovernor:
 
 
 class ReactionLimit:
-    """Limit the joint acceleration with which a control law reacts to the drone.
+    """Limits the joint acceleration with which a control law reacts to the drone's motion.
 
     The drone itself moves against a short acceleration of the joints, without its rotors. So the
     mean over 0.1 s (first-order low-pass) must keep the thrusts within their share, and the
@@ -438,14 +438,14 @@ class ReactionLimit:
         self._lasting = np.zeros(governor.whole.n)
 
     def __call__(self, q: Array, dq: Array, ddq: Array, dt: float) -> Array:
-        """Return the accepted acceleration (n,) [rad/s^2] of a cycle of `dt` [s]."""
+        """Return the acceleration (n,) [rad/s^2], limited, for a cycle of `dt` [s]."""
         lasting = self._lasting + min(dt / _LASTING, 1.0) * (ddq - self._lasting)
         self._lasting = lasting
         return ddq - lasting + self._governor.limited(q, dq, lasting)
 
 
 def _shared(room: Array, moved: Array, most: Array) -> Array:
-    """Return accelerations (n,), at most `most`, whose thrusts `moved` (n, m) add up to `room`."""
+    """Return accelerations (n,), at most `most`, that use up the thrust range `room` (m,)."""
     given = np.zeros(len(most))
     for _ in range(len(most)):
         is_open = given < most
@@ -456,19 +456,19 @@ def _shared(room: Array, moved: Array, most: Array) -> Array:
 
 
 def _factor_of(square: float) -> float:
-    """Return a factor to try for the pace, because thrusts decrease with the square of the pace."""
+    """Return a factor for the pace, the square root of a factor for the thrusts, within bounds."""
     return float(min(max(np.sqrt(square), _MOST_SLOWER), _LEAST_SLOWER))
 
 
 def _stretched(times: Array, pace: Array) -> Array:
-    """Return the times (M,) [s] at which a slowed motion reaches its original times."""
+    """Return when [s] a slowed motion reaches the points of its original times, (M,)."""
     rates = 2.0 / (pace[1:] + pace[:-1])
     stretched: Array = np.concatenate([[0.0], np.cumsum(np.diff(times) * rates)])
     return stretched
 
 
 def _smoothed(pace: Array, times: Array) -> Array:
-    """Return a pace that changes smoothly over 0.4 s and never exceeds a given pace."""
+    """Return a pace (M,) that changes smoothly over 0.4 s, and never exceeds the given pace."""
     width = max(1, round(_SMOOTHED / (times[1] - times[0])))
     padded = np.concatenate([np.full(2 * width, pace[0]), pace, np.full(2 * width, pace[-1])])
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1)
@@ -479,7 +479,7 @@ def _smoothed(pace: Array, times: Array) -> Array:
 
 
 def _joined_to_begin(pace: Array, times: Array) -> Array:
-    """Return a pace that begins at 1, as required to replace a running motion."""
+    """Return a pace that begins at 1 and then joins the given pace, to replace a running motion."""
     share = np.clip(times / _JOINED, 0.0, 1.0)
     share = share**2 * (3.0 - 2.0 * share)
     joined: Array = 1.0 + share * (pace - 1.0)

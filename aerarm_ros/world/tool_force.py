@@ -1,4 +1,4 @@
-"""Set force of the tool on a wall along one direction, measured by the joints' torques."""
+"""Control of the tool's force on a wall, in one direction, measured by the joint torques."""
 
 from enum import Enum
 from typing import NamedTuple
@@ -38,7 +38,7 @@ _CORRECTION_SHARE, _CORRECTION = 0.5, 1.0  # largest correction: share of the se
 
 
 class ToolForceObserver(MomentumObserver):
-    """Disturbance observer of the joints that also estimates the force on the tool.
+    """Disturbance observer of the joints, which also estimates the force on the tool.
 
     While a contact is known, a second observer r_m uses the measured motion of the base. With the
     tool's Jacobian `J_q` of the joints, `r_m = J_q^T f` then holds for any motion of the drone.
@@ -91,11 +91,11 @@ class ToolForceObserver(MomentumObserver):
         self.expect(1.0)
 
     def expect(self, across: float) -> None:
-        """Set the expected size of the force across the known direction [N]."""
+        """Set the expected size [N] of forces perpendicular to the known direction."""
         self._prior = 1.0 / across**2
 
     def look(self, along: Array | None, now: float) -> None:
-        """Start the force estimate along a direction (3,) in base axes, or stop it with None."""
+        """Set the direction (3,) of the force estimate in base axes; None stops the estimate."""
         if along is None or self._along is None:
             self._touched.reset()
         self._along, self._now = along, now
@@ -103,14 +103,14 @@ class ToolForceObserver(MomentumObserver):
             self._normal = along
 
     def press(self, on_tool: Array | None, place: Array) -> None:
-        """Set the known force (3,) on the tool at `place` (3,), in base axes [N], [m]."""
+        """Set the known force (3,) [N] on the tool at `place` (3,) [m], both in base axes."""
         self._is_touched = on_tool is not None
         if isinstance(self._base, FreeBaseEstimator):
             force = np.zeros(3) if on_tool is None else on_tool
             self._base.contact = np.concatenate([force, cross(place, force)])
 
     def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Array:
-        """Process a state, see `MomentumObserver.update`."""
+        """Process a state of the joints, as `MomentumObserver.update` does."""
         law, q = self._law, state.q
         known = state._replace(tau=state.tau + law.jacobian.T @ law.contact)
         super().update(known, dt, base)
@@ -123,7 +123,7 @@ class ToolForceObserver(MomentumObserver):
 
     @property
     def residual(self) -> Array:
-        """Torque (n,) [Nm] beyond drive, model and contact, positive along +q."""
+        """Joint torque (n,) [Nm] that drive, model and contact do not explain, along +q."""
         residual = self._residual
         if not self._lingers:
             return residual
@@ -133,7 +133,7 @@ class ToolForceObserver(MomentumObserver):
 
     @property
     def speed(self) -> float:
-        """Speed of the tool along the known direction, relative to the world [m/s]."""
+        """Speed of the tool in the world, along the known direction [m/s]."""
         return 0.0 if self._along is None else float(self._along @ self._law.velocity)
 
     def force(self) -> float:
@@ -187,7 +187,7 @@ class Phase(Enum):
 
 
 class ToolForce:
-    """Reference along one direction of the world: approach a wall, then hold a set force on it.
+    """Tool reference along one world direction: approach a wall, then hold a force on the wall.
 
     The approach moves the tool along the force at constant speed. Its mean force is the bias of
     the estimate. From the first contact on, the position feedback along the force ends, and the
@@ -240,11 +240,11 @@ class ToolForce:
 
     @property
     def on_tool(self) -> Array:
-        """Known force (3,) on the tool, in the world [N]."""
+        """Known force (3,) [N] on the tool, in world axes."""
         return np.asarray(-self._commanded * self.direction)
 
     def push(self, force: npt.ArrayLike, place: Array, now: float) -> bool:
-        """Set the force (3,) [N] on the wall in the world, for a tool at `place` (3,) [m].
+        """Set the desired force (3,) [N] on the wall, with the tool at `place` (3,) [m].
 
         Returns
         -------
@@ -288,14 +288,14 @@ class ToolForce:
         return True
 
     def shift(self, moved: Array) -> None:
-        """Follow a jump of the odometry, which moves the tool by (3,) [m] in the world."""
+        """Move the reference by `moved` (3,) [m], as the odometry jumped by this distance."""
         along = float(self.direction @ moved)
         self._along, self._anchor = self._along + along, self._anchor + along
 
     def update(
         self, reference: TaskReference, pose: BasePose, place: Array, now: float, dt: float
     ) -> TaskReference | None:
-        """Return the tool reference with its motion along the force replaced.
+        """Return the tool reference, with its motion along the force replaced.
 
         The result is None if the contact has ended; `reason` then states why.
 
@@ -366,21 +366,21 @@ class ToolForce:
         self._fast_for = self._fast_for + dt if speed > _FAST else 0.0
         self._commanded *= min(max((_FASTEST - speed) / (_FASTEST - _FAST), 0.0), 1.0)
         if self._fast_for > _FAST_TIME:
-            self.stop('the wall gave way, or the tool left it', now)
+            self.stop('the wall gave way, or the tool left the wall', now)
         elif at - self._anchor > settings.travel_max:
             self.stop(f'the wall gave way by more than travel_max ({settings.travel_max:g} m)', now)
         elif now - self._pressed_at > _LOST_TIME:
             self.stop('the tool lost the contact', now)
 
     def stop(self, reason: str, now: float) -> None:
-        """End the contact at `now` [s] because of a problem."""
+        """End the contact at `now` [s] because of a problem, which `reason` describes."""
         lost = self.planned * self.direction
         self.reset()
         self._recoil, self._recoils_until = lost, now + _RECOIL
         self.reason = f'{reason}: check the wall, then send the force again'
 
     def planned_on_tool(self, now: float) -> Array:
-        """Return the force (3,) on the tool that the drone must expect, in the world [N]."""
+        """Return the force (3,) [N] on the tool, in world axes, for the drone's feedforward."""
         if 0.0 <= self._recoils_until - now < _RECOIL:
             return self._recoil
         return np.asarray(-self.planned * self.direction)

@@ -1,4 +1,4 @@
-"""Control law that holds the tool in the world on a base that responds to the arm."""
+"""Control law that holds the tool in the world, on a base that the arm's motion moves."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -31,7 +31,7 @@ _NO_FORCE = np.zeros(3)
 
 
 class WorldReference(NamedTuple):
-    """Reference of the tool in the world.
+    """Reference of the tool's motion in the world frame.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class WorldGains(NamedTuple):
 
 
 class WorldLaw:
-    """Computed torque of the tool in the world, by the generalized Jacobian.
+    """Computed torque control of the tool in the world, with the generalized Jacobian.
 
     The generalized Jacobian is that of Umetani and Yoshida (1989), for a base that rotors drive and
     that responds to the arm.
@@ -173,7 +173,7 @@ class WorldLaw:
         self.take_over(np.zeros(limits.n))
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture, with a zero integral."""
+        """Start at the present posture, with the integral at zero."""
         if not self._keeps:
             self.posture = np.array(q)
         self._integral = np.zeros(3)
@@ -269,7 +269,7 @@ class WorldLaw:
         return np.minimum(np.maximum(self.limited(q, dq, ddq, dt), low), high)
 
     def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array, Array]:
-        """Return the base's acceleration (6,) at ddq = 0, and its reduction per ddq (6, n).
+        """Return the base's acceleration (6,) at ddq = 0, and its decrease per ddq (6, n).
 
         The third result is the tool's angular acceleration (3,) from products of velocities.
         """
@@ -299,7 +299,7 @@ class WorldLaw:
     def _with_orientation(
         self, task: Array, place: Array, preferred: Array, turning: Array, spin: Array
     ) -> Array:
-        """Return the joint acceleration in the null space of the tool's position.
+        """Return the joint acceleration that does not move the tool, for orientation and posture.
 
         The result minimizes `weight |J_w ddq - spin|^2 + |z - preferred|^2` over z, with `ddq =
         J^# place + N z`, for posture and orientation.
@@ -313,7 +313,7 @@ class WorldLaw:
         return np.asarray(solution, dtype=float)
 
     def _bounds(self, q: Array, dq: Array) -> tuple[Array, Array]:
-        """Return the accelerations (n,) [rad/s^2] that keep the joints within their limits."""
+        """Return the accelerations (n,) [rad/s^2] between which no joint leaves its limits."""
         fastest = self._limits.velocity_max
         upper = np.minimum(fastest, _LIMIT_RATE * (self._high - q))
         lower = np.maximum(-fastest, _LIMIT_RATE * (self._low - q))
@@ -325,7 +325,7 @@ class WorldLaw:
 
 
 def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> float:
-    """Return the drone's effective inertia under an arm that holds its tool, as a fraction.
+    """Return the drone's effective inertia with a held tool, relative to held joints.
 
     The arm then does not rotate with the drone. With the inverse `J_q^+` of the tool's Jacobian,
     the base has the inertia `M_bb - M_bj J_q^+ J_b`. The result compares this inertia's angular

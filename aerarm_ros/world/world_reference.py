@@ -1,4 +1,4 @@
-"""Reference of the tool in the world: set points, timed paths, stops, jumps of the odometry."""
+"""Tool reference in the world: set points, timed paths, stops, and jumps of the odometry."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -30,7 +30,7 @@ _STOPPED = WorldReference(_ORIGIN, _ORIGIN, _ORIGIN, None, None)
 
 
 class WorldPath:
-    """Quintics through points of the world; at the end the tool stays.
+    """Tool path of quintics through points in the world; the tool rests at the end.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class WorldPath:
         if not all(np.all(np.isfinite(rows)) for rows in (t, p, slopes, curves)):
             raise RejectedInputError('tool path: a value is NaN or infinite; check its publisher')
         if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
-            raise RejectedInputError('tool path: its times must increase and must not be negative')
+            raise RejectedInputError('tool path: times must increase and must not be negative')
         self._path = PolynomialPath.quintic(t - t[0], p, slopes, curves)
         self._begin = float(t[0])
         self.duration = float(t[-1])
@@ -87,7 +87,7 @@ class WorldPath:
         hardest = float(np.linalg.norm(samples.ddq, axis=1).max())
         if fastest > velocity_max or hardest > acceleration_max:
             raise RejectedInputError(
-                f'tool path: it needs {fastest:.2f} m/s and {hardest:.1f} m/s^2 (limits '
+                f'tool path: the path needs {fastest:.2f} m/s and {hardest:.1f} m/s^2 (limits '
                 f'{velocity_max:g} and {acceleration_max:g}); give its points more time'
             )
 
@@ -97,7 +97,7 @@ class WorldPath:
 
 
 class _Goal(NamedTuple):
-    """A target point, or a path with its start [s], and the desired orientation of the tool."""
+    """Goal of the tool: a point, or a path with its start time [s]; and an orientation."""
 
     place: Array
     path: WorldPath | None
@@ -111,7 +111,7 @@ class _Goal(NamedTuple):
 
 
 class WorldToolReference:
-    """Compute `WorldReference` from targets and from the base's pose.
+    """Computes `WorldReference` from the user's targets and from the base's pose.
 
     The reference is the goal plus two offsets that decay to zero. The fast offset connects set
     points within the tool's limits of velocity and acceleration. The slow offset, at
@@ -206,7 +206,7 @@ class WorldToolReference:
     def follow(
         self, path: WorldPath, begin: float, now: float, rotation: Array | None = None
     ) -> None:
-        """Follow a timed path that begins at a time [s].
+        """Follow a timed path that begins at the time `begin` [s].
 
         Raises
         ------
@@ -215,14 +215,14 @@ class WorldToolReference:
         """
         if not -_LATEST < begin - now < _EARLIEST:
             raise RejectedInputError(
-                f'tool path: it begins {begin - now:+.1f} s from now; set its stamp to zero '
+                f'tool path: the path begins {begin - now:+.1f} s from now; set the stamp to zero '
                 '("now"), and check the clocks'
             )
         self._require_reach('tool path', path.places, now)
         self._begin(_Goal(path.places[0], path, begin, rotation), now)
 
     def push(self, force: npt.ArrayLike, now: float) -> None:
-        """Press the tool with a force (3,) [N] in the world, against a wall in its direction.
+        """Press the tool against a wall with a force (3,) [N], given in world axes.
 
         The tool follows its target only across the force. A force of zero ends the contact, and
         the tool returns to its target.
@@ -253,7 +253,7 @@ class WorldToolReference:
                 self._return(now)
 
     def _require_rotors(self, force: Array, now: float) -> None:
-        """Reject a force that the drone could not hold; raises RejectedInputError."""
+        """Raise RejectedInputError if the drone's rotors could not balance a tool force."""
         if self.governor is None:
             return
         on_wall = self.base.pose(now).rotation.T @ force
@@ -266,7 +266,7 @@ class WorldToolReference:
             )
 
     def _return(self, now: float) -> None:
-        """Move the tool from where it is to its target, at the speed of recovery."""
+        """Move the tool from its present place to its target, at the slow recovery speed."""
         assert self._goal is not None
         self._quick.start(_ORIGIN)
         self._slow.start(self._place - self._goal.at(now).p, _ORIGIN, _ORIGIN)
@@ -287,7 +287,7 @@ class WorldToolReference:
             )
 
     def _begin(self, goal: _Goal, now: float) -> None:
-        """Connect the present reference to a new goal."""
+        """Replace the goal; the reference moves smoothly from its present motion to the goal."""
         reference = self.reference
         self._goal = goal
         self._off_since = None
@@ -323,7 +323,7 @@ class WorldToolReference:
         return reference
 
     def ahead(self, times: Array) -> list[TaskReference] | None:
-        """Return the planned motion at times (M,) [s], None while the arm is stopped.
+        """Return the planned motion at times (M,) [s]; None while the arm is stopped.
 
         The plan is only the goal's own motion. The plan excludes the base's motion, the tool's
         return to its goal, and with a set force the goal's motion along the force.
@@ -355,7 +355,7 @@ class WorldToolReference:
         return self.reference
 
     def _off_target(self, now: float) -> str:
-        """Return why the tool is too far from its target, or an empty string."""
+        """Return a text if the tool is too far from its target, otherwise an empty string."""
         reference = self.reference
         if self.reason or reference is None or self.error <= self._error_max:
             self._off_since = None
@@ -365,12 +365,12 @@ class WorldToolReference:
         if now - self._off_since < _OFF_TIME:
             return ''
         return (
-            f'the tool is {1e3 * self.error:.0f} mm off its target, which is out of reach, '
-            'or something pushes the tool'
+            f'the tool is {1e3 * self.error:.0f} mm off its target: the target is out of '
+            'reach, or something pushes the tool'
         )
 
     def _may_resume(self, pose: BasePose, q: Array, now: float) -> bool:
-        """Return whether there has been no problem for long enough."""
+        """Return whether the arm may move again: all problems ended long enough ago."""
         goal = self._goal
         if goal is not None and goal.path is None and now - self._looked > _LOOK:
             self._looked = now
@@ -413,7 +413,7 @@ def planned_joints(
     planned: list[TaskReference] | None,
     times: Array,
 ) -> JointReference:
-    """Return the joints' planned motion (M, n) for the tool's plan, assuming a base at rest.
+    """Return the joints' motion (M, n) for the tool's planned motion, over a resting base.
 
     The motion excludes the arm's reaction to the base, because feedforward of this reaction to the
     drone would close a feedback loop.
@@ -450,7 +450,7 @@ def planned_joints(
 
 
 def _slopes(times: Array, values: Array) -> Array:
-    """Return the slope at each point from its neighbours, zero at both ends."""
+    """Return the slope at each point by finite differences; zero at both ends."""
     slopes = np.zeros_like(values)
     slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]
     return slopes

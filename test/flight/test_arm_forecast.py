@@ -97,7 +97,7 @@ def test_after_a_gap_an_old_plan_is_not_used(forecast: ArmForecast) -> None:
     list(run(forecast, 0.0, 0.1, plans=True))
     told = forecast.motion(100.0, JointReference.at_rest(np.ones(4)))
     np.testing.assert_array_equal(told.q, 1.0)
-    assert forecast.problem == 'no plan for this time'
+    assert forecast.problem == 'the plan does not cover this time'
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_after_a_gap_an_old_plan_is_not_used(forecast: ArmForecast) -> None:
             'each point needs values of 4 joints',
         ),
         (lambda t, q, dq, ddq: (t, q * np.nan, dq, ddq), 'finite'),
-        (lambda t, q, dq, ddq: (t[::-1], q, dq, ddq), 'rise from 0'),
+        (lambda t, q, dq, ddq: (t[::-1], q, dq, ddq), 'increase from 0'),
         (lambda t, q, dq, ddq: (200.0 * t, q, dq, ddq), '10 s at most'),
     ],
 )

@@ -178,7 +178,7 @@ def test_after_damping_a_good_command_is_followed_again_from_where_the_arm_is(ri
 def test_enabling_a_damped_arm_holds_it_where_it_is(make_rig):
     rig = make_rig(position=[0.0, 0.8, 0.0, 0.0]).bring_up()
     rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
-    assert 'tracking a command' in rig.bridge.enable().message
+    assert 'the arm follows a command' in rig.bridge.enable().message
     assert rig.bridge.mode == 'running'
     rig.run(0.3)
     assert rig.bridge.mode == 'damping'

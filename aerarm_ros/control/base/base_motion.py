@@ -42,7 +42,7 @@ def attitude_ned_frd_to_enu_flu(quaternion: npt.ArrayLike) -> Array:
 
 
 def quaternion_product(a: Array, b: Array) -> Array:
-    """Return the product a b of two quaternions (x, y, z, w): rotation b, followed by a."""
+    """Return the product a b of two quaternions (x, y, z, w), which rotates by b, then by a."""
     vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
     return np.append(vector, a[3] * b[3] - a[:3] @ b[:3])
 
@@ -71,7 +71,7 @@ _ANGULAR_VELOCITY_MAX = 40.0
 
 @dataclass(frozen=True, eq=False)
 class ImuSample:
-    """Checked sample of an IMU, in the axes of the IMU, with the conventions of sensor_msgs/Imu.
+    """Validated IMU sample, in the axes of the IMU, with the conventions of sensor_msgs/Imu.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ class ImuSample:
 
 
 class BaseMotion(NamedTuple):
-    """Motion of the arm's base frame at its origin, with all vectors in base axes.
+    """Motion of the origin of the arm's base frame, with all vectors in base axes.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class BaseMotion(NamedTuple):
 
     @classmethod
     def still(cls, gravity_in_base: npt.ArrayLike) -> 'BaseMotion':
-        """Return a base at rest or in steady translation under `gravity_in_base` [m/s^2]."""
+        """Return the motion of an unaccelerated base under `gravity_in_base` [m/s^2]."""
         gravity = np.array(gravity_in_base, dtype=float)
         return cls(gravity, -gravity, np.zeros(3), np.zeros(3))
 
@@ -163,12 +163,12 @@ class Mount:
 
     @classmethod
     def aligned(cls) -> 'Mount':
-        """Return the mount of an IMU whose frame is the arm's base frame."""
+        """Return the mount of an IMU whose frame coincides with the arm's base frame."""
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
     def from_drone(cls, drone: DroneConfig) -> 'Mount':
-        """Return the pose of the IMU that the drone file describes."""
+        """Return the mount of the IMU as the drone file describes it."""
         base, imu = drone.mount, drone.imu
         to_base = base.rotation.T
         offset = np.array(imu.position) - base.position
@@ -176,7 +176,7 @@ class Mount:
 
     @classmethod
     def from_robot(cls, robot: Robot, imu_frame: str) -> 'Mount':
-        """Return the mount of an IMU whose frame is a link of the URDF fixed to the base.
+        """Return the mount of an IMU whose frame is a URDF link that is fixed to the base.
 
         Raises
         ------
@@ -200,14 +200,14 @@ class Mount:
         return cls(np.array(placement.rotation), np.array(placement.translation))
 
     def gravity_in_base(self, attitude: Array) -> Array:
-        """Return gravity in base axes (3,) [m/s^2] for an IMU attitude (x, y, z, w)."""
+        """Return gravity (3,) [m/s^2] in base axes, given the IMU attitude (x, y, z, w)."""
         gravity: Array = self.rotation_imu_to_base @ (
             rotation_matrix(attitude).T @ _GRAVITY_IN_WORLD
         )
         return gravity
 
     def acceleration_of_base(self, rate: Array, spin: Array) -> Array:
-        """Return the acceleration of the base's origin relative to the IMU (3,) [m/s^2].
+        """Return the base origin's acceleration relative to the IMU, (3,) [m/s^2].
 
         Parameters
         ----------

@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 
 class AccelerationEstimate:
-    """Estimates acceleration: derivative of a velocity after a first-order low-pass filter.
+    """Estimates acceleration as the derivative of a low-pass filtered velocity.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class AccelerationEstimate:
         self._smooth = None
 
     def update(self, dq: Array, dt: float) -> Array:
-        """Process a velocity (n,) [rad/s] after `dt` [s]; return the acceleration [rad/s^2]."""
+        """Process a velocity (n,) [rad/s], `dt` [s] after the last; return the acceleration."""
         if self._smooth is None:
             self._smooth = np.array(dq)
             return self._rest
@@ -88,7 +88,7 @@ class BaseMotionPrediction:
         self._jerk = np.zeros(3) if jerk is None else jerk
 
     def after(self, time: float) -> BaseMotion:
-        """Return the base motion predicted for `time` [s] after the measurement.
+        """Return the base motion that is predicted for `time` [s] after the measurement.
 
         The rotation of vectors is exact to second order in the angle.
         """
@@ -198,11 +198,11 @@ class BaseMotionEstimator:
 
     @property
     def uses_imu(self) -> bool:
-        """Whether the mode of the estimator uses IMU samples."""
+        """Whether the estimator's mode uses IMU samples, as all modes except 'none' do."""
         return self.mode != NONE
 
     def status(self, now: float) -> str:
-        """Return text for the diagnostics: the source of the base motion at `now` [s]."""
+        """Return which source the base motion has at `now` [s], as text for the diagnostics."""
         if self.mode == NONE:
             return 'configured gravity'
         age = now - self._received
@@ -218,12 +218,12 @@ class BaseMotionEstimator:
         return f'no IMU sample for {age:.2f} s: using the configured gravity'
 
     def problem(self, now: float) -> str:
-        """Return why the estimate uses a fallback at `now` [s], or an empty string."""
+        """Return why a fallback replaces the IMU at `now` [s], or an empty string."""
         source = self.status(now)
         return '' if self.mode == NONE or source == 'IMU' else source
 
     def observe(self, state: ArmState, now: float) -> None:
-        """Process the arm's state at `now` [s], to detect oscillating joint torques."""
+        """Process the arm's state at `now` [s], to detect an oscillation of the joint torques."""
         if self._watch is None:
             return
         self._watch.add_torque(state.tau)
@@ -291,7 +291,7 @@ class BaseMotionEstimator:
         raise RejectedInputError(reason)
 
     def _predict(self, sample: ImuSample, step: float | None) -> BaseMotionPrediction:
-        """Return the prediction from an IMU sample, `step` [s] after the previous sample."""
+        """Return the prediction from an IMU sample that is `step` [s] newer than the last."""
         rotation, rest = self._mount.rotation_imu_to_base, np.zeros(3)
         rate = rotation @ sample.angular_velocity
         force = rotation @ sample.specific_force
@@ -313,7 +313,7 @@ class BaseMotionEstimator:
         return BaseMotionPrediction(motion, rate, None if step is None else slope, jerk)
 
     def _predict_calm(self, sample: ImuSample) -> BaseMotionPrediction:
-        """Return the prediction that uses only a sample's attitude; level without attitude."""
+        """Return a prediction from attitude alone, or for a level base without attitude."""
         if sample.attitude is None:
             return BaseMotionPrediction(self.configured, np.zeros(3))
         rotation = self._mount.rotation_imu_to_base
@@ -321,7 +321,7 @@ class BaseMotionEstimator:
         return BaseMotionPrediction(BaseMotion.still(gravity), rotation @ sample.angular_velocity)
 
     def _angular_acceleration(self, rate: Array, step: float | None) -> tuple[Array, Array]:
-        """Return angular acceleration and its derivative; zeros without a previous sample."""
+        """Return angular acceleration and its derivative, zero without a previous sample."""
         if step is None:
             self._spin.reset()
             self._jerk.reset()
@@ -333,12 +333,12 @@ class BaseMotionEstimator:
 
 
 def moved(weight: float, change: float) -> float:
-    """Return a weight plus a change, limited to 0 .. 1."""
+    """Return the sum of a weight and a change, limited to 0 .. 1."""
     return min(1.0, max(0.0, weight + change))
 
 
 def _between(first: BaseMotion, second: BaseMotion, weight: float) -> BaseMotion:
-    """Interpolate between two base motions; `weight` (0 to 1) is that of the second."""
+    """Interpolate between two base motions; the second one has the weight `weight`, 0 to 1."""
     if weight == 1.0:
         return second
     pairs = zip(first, second, strict=True)

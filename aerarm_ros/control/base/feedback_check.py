@@ -1,4 +1,7 @@
-"""Check whether a drone is heavy enough for a controller that uses its IMU's acceleration."""
+"""Stability check of a controller that uses the acceleration of the drone's IMU.
+
+On a light drone the IMU measures mainly the reaction to the arm's own torques.
+"""
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +19,7 @@ LARGEST_GAIN = 0.67  # decision 28
 
 
 def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
-    """Return the largest `feedback_gain` of 200 random arm postures."""
+    """Return the largest `WholeBodyDynamics.feedback_gain` over 200 random arm postures."""
     robot = whole.robot
     low = np.maximum(robot.position_min, -np.pi)
     high = np.minimum(robot.position_max, np.pi)
@@ -25,7 +28,7 @@ def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
 
 
 def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
-    """Check that the controller is stable if it uses the measured acceleration of the base.
+    """Check that a controller that uses the base's measured acceleration is stable.
 
     Parameters
     ----------
@@ -47,7 +50,7 @@ def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
 
 
 def largest_delay(gain: float, kp: float, kd: float) -> float:
-    """Return the largest delay [s] with which computed torque is stable on a free base.
+    """Return the largest loop delay [s] at which computed torque is stable on a free base.
 
     A base that moves freely reduces the joints' inertia by a factor of up to `1 + gain`. The loop
     is then `(1 + gain) (kd s + kp) / s^2`. The result is its phase margin divided by its crossover
@@ -84,7 +87,7 @@ _RIDGE = 1e-3  # regularization: at half the IMU's rate two consecutive torques 
 
 
 class OscillationWatch:
-    """Detects an oscillation of joint torques together with the base, above 8 Hz.
+    """Detects that joint torques and base oscillate together above 8 Hz.
 
     If torques follow an IMU that their own reaction moves, torques and base oscillate together.
     For any delay of the loop, each IMU sample y then follows from the torques x before it::
@@ -123,13 +126,13 @@ class OscillationWatch:
         self.found = ''
 
     def add_torque(self, tau: Array) -> None:
-        """Process the joint torques (n,) [Nm] of a cycle; NaN marks an unmeasured torque."""
+        """Add the joint torques (n,) [Nm] of a cycle; NaN marks an unmeasured torque."""
         if not self.found:
             self._sum = self._sum + (tau if np.isfinite(tau.sum()) else np.nan_to_num(tau))
             self._count += 1
 
     def add_sample(self, sample: ImuSample) -> None:
-        """Process an IMU sample together with the mean of the torques added before it."""
+        """Process an IMU sample and the mean torques since the previous IMU sample."""
         if self.found or self._count == 0:
             return
         n, step = self._n, sample.stamp - self._stamp
@@ -177,7 +180,7 @@ class OscillationWatch:
             )
 
     def _explained(self) -> Array:
-        """Return which fraction (n, 6) of each axis' power each joint's torque explains."""
+        """Return the fraction (n, 6) of each IMU axis' power that each joint torque explains."""
         n, moments = self._n, self._moments
         now, before = slice(0, n), slice(n, 2 * n)
         power = moments.diagonal()

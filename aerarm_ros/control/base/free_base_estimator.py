@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 
 class FreeBaseMotion(BaseMotion):
-    """Base motion whose accelerations do not include the base's response to rotors and arm.
+    """Base motion whose accelerations exclude the base's response to rotors and arm.
 
     With the response `M_bb^-1 (w - c_b - M_bj ddq)` of `WholeBodyDynamics`, the base accelerates
     by `s = s_0 + share * response`. The term s_0 consists of `specific_force` and
@@ -33,7 +33,7 @@ class FreeBaseMotion(BaseMotion):
     share: Array
 
     def __new__(cls, motion: BaseMotion, wrench: Array, share: Array) -> 'FreeBaseMotion':
-        """Create a base motion with the wrench of the rotors and the weight of the response."""
+        """Create a base motion from the rotors' wrench and the weight of the base's response."""
         free = super().__new__(cls, *motion)
         free.wrench = wrench
         free.share = share
@@ -54,7 +54,7 @@ _LIMIT = np.repeat([6.0, 6.0], 3)
 
 
 class AnswerCorrection:
-    """Complementary filter: combines predicted (x) and measured (y) acceleration of the base.
+    """Complementary filter of the base's predicted acceleration x and measured acceleration y.
 
     The accelerations x and y are deviations from hover, (6,), linear before angular. Below the
     cut-off frequency the filter uses the measurement, above it the prediction::
@@ -132,7 +132,7 @@ class AnswerCorrection:
         return self._seen >= _WARM_UP
 
     def update(self, predicted: Array | None, measured: Array, dt: float) -> None:
-        """Process predicted and measured acceleration (6,) of the last `dt` [s].
+        """Process the base's predicted and measured acceleration, (6,) each, of the last `dt` [s].
 
         Without a prediction the filter learns nothing, and the next prediction starts without a
         correction.
@@ -227,7 +227,7 @@ class ImuWatch:
         if felt > _FORCE_MAX:
             raise RejectedInputError(
                 f'IMU: the acceleration of {felt:.0f} m/s^2 is more than the rotors can cause; '
-                'check its mount and driver'
+                'check mount and driver of the IMU'
             )
         if self._taken is not None:
             _refuse_jump(self._taken, sample, min(max(step, 0.0), _STEP_MAX))
@@ -264,7 +264,7 @@ class ImuWatch:
 
 
 def _turn(before: Array, after: Array) -> Array:
-    """Return the small rotation (3,) [rad] between two attitudes, in the axes of the IMU."""
+    """Return the rotation vector (3,) [rad] between two close attitudes, in the IMU's axes."""
     # Twice the vector of the product conj(before) after; numpy's cross takes ten times as long.
     (a, b, c, d), (x, y, z, w) = before.tolist(), after.tolist()
     sign = np.copysign(2.0, a * x + b * y + c * z + d * w)
@@ -385,18 +385,20 @@ class FreeBaseEstimator:
         """Return text for the diagnostics: the source of the base motion at `now` [s]."""
         imu, rotors = self._imu_problem(now), self._rotor_problem(now)
         if imu:
-            return f'neither rotor commands nor IMU, the base is assumed to hover: {imu}'
+            return (
+                f'neither rotor commands nor IMU are used, and the base is assumed to hover: {imu}'
+            )
         if rotors:
             return f'only the IMU, below {self.correction.sustained_cutoff:.2g} Hz: {rotors}'
         return f'rotor commands + IMU below {self.correction.cutoff:g} Hz'
 
     def problem(self, now: float) -> str:
-        """Return which input is missing or invalid at `now` [s], or an empty string."""
+        """Return a text on the input that is missing or invalid at `now` [s], or ''."""
         wrong = self._imu_problem(now) or self._rotor_problem(now)
         return self.status(now) if wrong else ''
 
     def reject(self, reason: str) -> None:
-        """Count a message that could not be read."""
+        """Count an invalid message with its reason."""
         self.rejections += 1
         self.last_rejection = reason
 
@@ -469,7 +471,7 @@ class FreeBaseEstimator:
         return FreeBaseMotion(motion, self.rotors.wrench(now + ahead) + self.contact, share)
 
     def _fade(self, now: float) -> None:
-        """Fade out the effect of lost inputs, and fade in that of returned inputs."""
+        """Fade out the effect of lost inputs, and fade in the effect of restored inputs."""
         if now == self._updated:
             return
         change = 0.0 if self._updated is None else self._fade_rate * max(now - self._updated, 0.0)
@@ -494,7 +496,7 @@ class FreeBaseEstimator:
             return (
                 f"the IMU's acceleration differs by {self.correction.disagreement:.1f} m/s^2 "
                 'from that predicted by rotor commands, mass and arm; check IMU, drone file and '
-                'thrust'
+                'the published thrusts'
             )
         return '' if self.correction.is_ready else 'the IMU has just started'
 

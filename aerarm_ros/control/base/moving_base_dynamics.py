@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class MovingBaseDynamics:
-    """Arm dynamics on a moving base, thesis (2.5): `B(q) ddq + h(q, dq, base) = xi`.
+    """Dynamics of an arm on a moving base, thesis (2.5): `B(q) ddq + h(q, dq, base) = xi`.
 
     For a base with known motion, the arm is attached to a free joint without gravity, whose
     acceleration is the base's specific force. One recursion yields the joint torques and the
@@ -66,7 +66,7 @@ class MovingBaseDynamics:
         self._zero = np.zeros(robot.n)
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Attach a body to the last link, see `Dynamics.carry`; an exception changes nothing."""
+        """Add a payload to the last link, see `Dynamics.carry`; an exception changes nothing."""
         self._arm.carry(payload)
         if self.whole is not self._arm:
             self.whole.carry(payload)
@@ -80,7 +80,7 @@ class MovingBaseDynamics:
         base: BaseMotion | None = None,
         planned: Array | None = None,
     ) -> Array:
-        """Return the joint torques xi (n,) [Nm] of a motion; motor rotors included, friction not.
+        """Return the joint torques xi (n,) [Nm] of a motion, without friction.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class MovingBaseDynamics:
         return torques
 
     def bias(self, q: Array, dq: Array, base: BaseMotion | None = None) -> Array:
-        """Return h(q, dq, base) (n,) [Nm], the joint torques of a motion with constant velocity."""
+        """Return h(q, dq, base), the joint torques (n,) [Nm] at zero joint acceleration."""
         return self.inverse(q, dq, self._zero, base)
 
     def gravity(self, q: Array, base: BaseMotion | None = None, ddq: Array | None = None) -> Array:
@@ -154,7 +154,7 @@ class MovingBaseDynamics:
     def mount_wrench(
         self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None
     ) -> Array:
-        """Return the wrench of the base on the arm, at the origin and in the axes of the base.
+        """Return the wrench of the base on the arm, about the base's origin in base axes.
 
         Returns
         -------
@@ -164,11 +164,11 @@ class MovingBaseDynamics:
         return self._recursion(q, dq, ddq, base)[:6]
 
     def composite_inertia(self, q: Array) -> tuple[float, Array, Array]:
-        """Return mass, centre of mass and inertia of the arm, like `WholeBodyDynamics`."""
+        """Return mass, centre of mass and inertia as `WholeBodyDynamics.composite_inertia` does."""
         return self._arm.composite_inertia(q)
 
     def _felt(self, base: FreeBaseMotion, answer: Array) -> Array:
-        """Return the acceleration (6,) of a base, including its response to the arm."""
+        """Return the base's acceleration (6,), including the base's response to the arm."""
         felt = self._acceleration
         felt[:3] = base.specific_force
         felt[3:] = base.angular_acceleration
@@ -202,7 +202,7 @@ class BaseReaction:
     """
 
     class ArmReaction(NamedTuple):
-        """Wrench of the arm on the drone and mass properties of the arm, in base axes.
+        """Wrench of the arm on the drone, and mass properties of the arm, in base axes.
 
         `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone. Its part `static` is due
         to gravity with all bodies at rest; `dynamic` is the remainder. `mass` [kg], `com` (3,) [m]

@@ -12,7 +12,7 @@ from aerarm_ros.motion.signals import Array
 
 
 def wrench_per_thrust(drone: DroneConfig) -> Array:
-    """Return the wrench (6, m) on the arm's base per newton of thrust, for each of m rotors."""
+    """Return the wrench (6,) on the arm's base per newton of thrust, for m rotors as (6, m)."""
     rotation = drone.mount.rotation.T
     force, moment = drone.allocation[:3], drone.allocation[3:]
     about_base = moment - np.cross(drone.mount.position, force, axisb=0, axisc=0)
@@ -20,7 +20,7 @@ def wrench_per_thrust(drone: DroneConfig) -> Array:
 
 
 def carrier_parameters(drone: DroneConfig) -> Array:
-    """Return a drone's inertial parameters (10,), thesis (3.3), in the arm's base frame."""
+    """Return the drone's inertial parameters (10,), thesis (3.3), in the arm's base frame."""
     rotation = drone.mount.rotation.T
     centre = rotation @ (np.array(drone.centre_of_mass) - drone.mount.position)
     return parameters_of_body(drone.mass, centre, rotation @ drone.inertia_matrix @ rotation.T)
@@ -33,7 +33,7 @@ _FROZEN = 0.5  # [s]; a controller in flight never repeats its numbers for so lo
 
 
 class RotorWrench:
-    """Predicts the thrusts of a drone's rotors, with their saturation and first-order lag.
+    """Predicts the rotors' thrusts from commands, with saturation and first-order lag.
 
     A command acts from its arrival plus the latency until the next command acts. The thrust follows
     the command exactly by `T(t) = u + (T_0 - u) exp(-(t - t_0) / T_r)`.
@@ -69,7 +69,7 @@ class RotorWrench:
         self._stamp = self._received = self._changed = -np.inf
 
     def problem(self, now: float) -> str:
-        """Return why the rotor commands are unusable at `now` [s], or an empty string."""
+        """Return a text if the rotor commands are unusable at `now` [s], or an empty string."""
         age = now - self._received
         if np.isinf(age):
             return 'no rotor commands yet'
@@ -80,7 +80,7 @@ class RotorWrench:
         return ''
 
     def offer(self, names: Sequence[str], thrust: Array, stamp: float, now: float) -> None:
-        """Process a command with rotor thrusts [N], sent at `stamp`, received at `now` [s].
+        """Process a command of rotor thrusts [N] that was sent at `stamp` [s], received at `now`.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class RotorWrench:
         self._pieces.append((begin, self.thrust(begin), command))
 
     def _find(self, names: Sequence[str]) -> list[int]:
-        """Return the index of each of the drone's rotors in the names of a command."""
+        """Return, for each of the drone's rotors, its index in the names of a command."""
         if sorted(names) != sorted(self._names):
             raise RejectedInputError(
                 f'rotor_command: rotors {list(names)} are not the rotors {list(self._names)} of '

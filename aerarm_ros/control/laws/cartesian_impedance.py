@@ -12,7 +12,7 @@ from aerarm_ros.motion.signals import ArmState, Array, JointCommand, TaskReferen
 
 
 class CartesianImpedance:
-    """Control law that makes the tool a spring and damper (Hogan 1985; Khatib 1987).
+    """Control law that gives the tool stiffness and damping (Hogan 1985; Khatib 1987).
 
     With the task inertia `L = (J B^-1 J^T + s^2 1)^-1`, where the small regularization s keeps L
     finite if J loses rank::
@@ -78,7 +78,7 @@ class CartesianImpedance:
     def update(
         self, state: ArmState, reference: TaskReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
-        """Return the joint efforts (n,) [Nm] of the impedance; `dt` is not used."""
+        """Return the joint efforts (n,) [Nm] of the impedance law; `dt` is not used."""
         q, dq, _ = state
         jacobian = self._kinematics.position_jacobian(q)
         mobility = self._dynamics.mobility_matrix(q, base) @ jacobian.T

@@ -1,4 +1,4 @@
-"""Trajectory tracking by computed torque, thesis 2.6.2, with feedback on host or boards."""
+"""Computed torque control, thesis 2.6.2, with the feedback on the host or on the boards."""
 
 import numpy.typing as npt
 
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointRefere
 
 
 class InverseDynamicsLaw:
-    """Joint torques for a desired acceleration, thesis (2.18), with friction and integral term.
+    """Base class: inverse dynamics, thesis (2.18), with friction and an integral term.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class InverseDynamicsLaw:
 
 
 class ComputedTorque(InverseDynamicsLaw):
-    """Computed torque with feedback on the host, thesis (2.21).
+    """Computed torque law with feedback on the host, thesis (2.21).
 
     The law is `u = B(q) a + n(q, dq)` with `a = ddqd + Kp (qd - q) + Kd (dqd - dq)`. The error
     obeys (2.22), `dde + Kd de + Kp e = 0`, in every joint and posture. An integral of the error
@@ -134,7 +134,7 @@ class ComputedTorque(InverseDynamicsLaw):
 
 
 class BoardComputedTorque(InverseDynamicsLaw):
-    """Inverse dynamics (2.18) as feedforward torque for the control law (4.4) of the boards.
+    """Inverse dynamics (2.18) as feedforward for the position control (4.4) of the boards.
 
     The boards add `Kp (qd - q) + Kd (dqd - dq)` at 40 kHz, so the host's cycle does not delay the
     feedback. In exchange the gains are torques per error, not multiplied by B(q), so the joints'
@@ -147,7 +147,7 @@ class BoardComputedTorque(InverseDynamicsLaw):
     def update(
         self, state: ArmState, reference: JointReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
-        """Return reference position [rad] and velocity [rad/s], and effort [Nm], (n,) each."""
+        """Return position [rad] and velocity [rad/s] of the reference, and effort [Nm], (n,)."""
         a = reference.ddq
         if self._integral is not None:
             a = a + self._integral.update(reference.q - state.q, dt)

@@ -9,7 +9,7 @@ from aerarm_ros.control.compensation import Fade, FrictionCompensation
 from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference
 
 HAND_GUIDING_DAMPING = 0.02
-"""Fraction of Kd that remains in hand guiding; it slows a released arm to rest."""
+"""Fraction of Kd that remains in hand guiding, so that a released arm comes to rest."""
 
 
 class GravityCompensation:
@@ -66,11 +66,11 @@ class GravityCompensation:
 
     @property
     def stiffness(self) -> float:
-        """Effective fraction of the gains, from 0 (hand guiding) to 1 (position control)."""
+        """Effective fraction of Kp and Kd, from 0 (hand guiding) to 1 (position control)."""
         return self._fade.share
 
     def take_over(self, q: Array) -> None:
-        """Start with full gains; in hand guiding, start with none."""
+        """Reset the gains: full in position control, zero in hand guiding."""
         self._fade.share = 0.0 if self.hand_guiding else 1.0
 
     def update(

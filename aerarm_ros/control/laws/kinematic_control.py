@@ -19,7 +19,7 @@ from aerarm_ros.motion.signals import ArmState, Array, JointCommand, TaskReferen
 
 
 class DampedInverse:
-    """Damped pseudo-inverse of a Jacobian, bounded also at singularities.
+    """Damped pseudo-inverse of a Jacobian, which stays finite at singularities.
 
     Each singular value s is inverted as `s / (s^2 + d^2)`, with a damping that grows from zero at
     `threshold` to `damping` at s = 0::
@@ -44,7 +44,7 @@ class DampedInverse:
     """
 
     class InvertedJacobian(NamedTuple):
-        """Damped inverse (n, m), null space projector (n, n), and least singular value."""
+        """Damped inverse (n, m), null space projector (n, n), least singular value of a matrix."""
 
         inverse: Array
         null_space: Array
@@ -66,7 +66,7 @@ class DampedInverse:
 
 
 class VelocityResolution:
-    """Joint velocities for a desired velocity of the tool: inverse kinematics, thesis (2.8).
+    """Computes joint velocities for a desired tool velocity (inverse kinematics, thesis (2.8)).
 
     The joint velocity gives the frame's origin the desired velocity. The remaining freedom moves
     the arm toward a home configuration, and reduces an objective. The speed of a joint toward a
@@ -157,7 +157,7 @@ class VelocityResolution:
 def resolve_within(
     inverse: DampedInverse, jacobian: Array, task: Array, preferred: Array, low: Array, high: Array
 ) -> tuple[Array, float]:
-    """Return joint rates (n,) within bounds for a task, and the Jacobian's least singular value.
+    """Return joint rates (n,) within bounds for a task, and the least singular value.
 
     A joint beyond a bound is fixed there, and the other joints move instead. The joint that
     exceeds its bound most comes first (Flacco, De Luca, Khatib 2012). Applies to velocities and
@@ -221,7 +221,7 @@ class CartesianMotionControl:
     def update(
         self, state: ArmState, reference: TaskReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
-        """Return the joint velocities (n,) [rad/s]; `dt` and `base` are not used."""
+        """Return the commanded joint velocities (n,) [rad/s]; `dt` and `base` are not used."""
         error = reference.p - self._resolution.kinematics.position(state.q)
         velocity = reference.dp + self._gain * error
         return JointCommand(dq=self._resolution.resolve(state.q, velocity))
@@ -269,7 +269,7 @@ class JointMotionControl:
     def update(
         self, state: ArmState, reference: TaskReference, dt: float, base: BaseMotion | None = None
     ) -> JointCommand:
-        """Return the joint velocities (n,) [rad/s] after a cycle of `dt` [s]."""
+        """Return the commanded joint velocities (n,) [rad/s] for a cycle of `dt` [s]."""
         error = reference.p - self._resolution.kinematics.position(self.qd)
         dqd = self._resolution.resolve(self.qd, reference.dp + self._drift_gain * error)
         dq = dqd + self._gain * (self.qd - state.q)

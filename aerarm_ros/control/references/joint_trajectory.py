@@ -15,7 +15,7 @@ _NEAR = 0.05
 
 
 class JointTrajectory:
-    """Checked joint trajectory: points that the joints pass at given times.
+    """Validated joint trajectory: points that the joints pass at given times.
 
     Parameters
     ----------
@@ -72,11 +72,11 @@ class JointTrajectory:
 
     @property
     def is_single_point(self) -> bool:
-        """Whether the trajectory is a single point at time zero, as in a stream of references."""
+        """Whether the trajectory is a single point at time zero, as streamed references are."""
         return len(self.times) == 1 and self.times[0] == 0.0
 
     def posture(self) -> JointReference:
-        """Return the last point as a reference at rest.
+        """Return the posture of the last point as a reference at rest.
 
         Raises
         ------
@@ -186,11 +186,11 @@ def _check_times(times: Sequence[float]) -> Array:
 
 
 def _rows(what: str, rows: Rows | None, points: int, n: int, order: list[int]) -> Array | None:
-    """Return the rows as (M, n) array in the arm's joint order, None if all rows are empty."""
+    """Return one row per point as (M, n) array in the arm's joint order, None if all are empty."""
     if rows is None or all(len(row) == 0 for row in rows):
         return None
     if len(rows) != points or any(len(row) != n for row in rows):
-        raise RejectedInputError(f'trajectory: every point needs {n} {what}, or no point has any')
+        raise RejectedInputError(f'trajectory: give {n} {what} for every point, or for no point')
     values = np.array(rows, dtype=float)[:, order]
     if not np.all(np.isfinite(values)):
         raise RejectedInputError(f'trajectory: {what} must be finite numbers')
@@ -198,7 +198,7 @@ def _rows(what: str, rows: Rows | None, points: int, n: int, order: list[int]) -
 
 
 def _slopes(times: Array, values: Array) -> Array:
-    """Return the slope at each point from its two neighbours; zero at the first and last point."""
+    """Return the slope at each point by finite differences; zero at the first and last point."""
     slopes = np.zeros_like(values)
     if len(times) > 2:
         slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]

@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 
 class MotionLimit(NamedTuple):
-    """Limits of a streamed joint motion, whose path is unknown.
+    """Limits of a streamed joint motion, whose further path is unknown.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class MotionLimit(NamedTuple):
     turn_max: float
 
     def within(self, dq: Array, ddq: Array, rate: float) -> Array:
-        """Return joint accelerations (n,) with which the drone's rotation stays below its limit.
+        """Return joint accelerations (n,) that keep the drone's rotation below its limit.
 
         Parameters
         ----------
@@ -56,7 +56,7 @@ _REFRESHED = 0.01  # [s] after which limits are computed again; they take 0.1 ms
 
 
 class ReferenceChase:
-    """Follows a joint reference exactly, or as fast as velocity and acceleration limits allow.
+    """Follows a joint reference, delayed where velocity and acceleration limits require it.
 
     With the largest acceleration a of a joint, the joint aims at the followed velocity plus an
     approach from which it can brake::
@@ -89,14 +89,14 @@ class ReferenceChase:
         self.start(JointReference.at_rest(np.zeros(limits.n)))
 
     def start(self, reference: JointReference) -> None:
-        """Start at a reference, without lag."""
+        """Start exactly at a reference."""
         self._now = reference
         self.is_behind = False
         self._present: MotionLimit | None = None
         self._age = 0.0
 
     def update(self, followed: JointReference, dt: float, is_limited: bool) -> JointReference:
-        """Return the limited reference, `dt` [s] after the last call.
+        """Return the limited reference; the previous call was `dt` [s] before.
 
         Parameters
         ----------
@@ -119,7 +119,7 @@ class ReferenceChase:
         return self._now
 
     def ahead(self, followed: JointReference, times: Array, is_limited: bool) -> JointReference:
-        """Predict the limited references (M, n) at times (M,) [s] for a followed motion.
+        """Predict the limited references (M, n) at times (M,) [s] while a motion is followed.
 
         The first time is that of the last update.
         """

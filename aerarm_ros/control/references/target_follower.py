@@ -16,7 +16,7 @@ _SILENT_PERIODS = 2.0
 
 
 class TargetFollower:
-    """Moves the tool's reference to targets by a limited second-order system, thesis 2.5.
+    """Second-order system that moves the tool's reference to targets within limits, thesis 2.5.
 
     The tool approaches a single target without overshoot. The tool follows a stream of targets
     with the velocity between them, so a constant velocity causes no lag. After the stream the tool
@@ -55,11 +55,11 @@ class TargetFollower:
         self.take_over(np.zeros(kinematics.robot.n))
 
     def take_over(self, q: Array) -> None:
-        """Start at the tool's position for joint angles `q` (n,) [rad], and stay there."""
+        """Start at the tool's position for joint angles `q` (n,) [rad], as the target too."""
         self.start(self._kinematics.position(q))
 
     def start(self, p: Array, velocity: Array | None = None, target: Array | None = None) -> None:
-        """Start at a position (3,) [m] with a velocity (3,) [m/s], by default zero.
+        """Start at a position (3,) [m] with a velocity (3,) [m/s]; the default velocity is zero.
 
         The reference then moves to `target` (3,) [m]; without a target it stays.
         """

@@ -25,7 +25,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 
 class MotionEnd(Enum):
-    """Reason why the motion of a trajectory follower ended."""
+    """Reason why a trajectory follower ended a motion."""
 
     REACHED = 'the motion reached its goal'
     OFF_PATH = 'the arm left the tolerance around its path'
@@ -36,7 +36,7 @@ class MotionEnd(Enum):
 
 @dataclass(frozen=True, eq=False)
 class FollowerTolerances:
-    """Position tolerances of n joints, and time limits for a motion of the follower.
+    """Position tolerances of n joints, and time limits, for one motion of the follower.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class FollowerTolerances:
         goal_time: float = 1.0,
         stream_timeout: float = 0.1,
     ) -> 'FollowerTolerances':
-        """Return tolerances with the same value for each of n joints.
+        """Return tolerances with the same values for each of n joints.
 
         Raises
         ------
@@ -234,7 +234,7 @@ class TrajectoryFollower:
         self._replace(self._govern(path), now, now, 'moving')
 
     def stop(self, now: float, reason: str, q: Array | None = None) -> None:
-        """Stop the motion along its path and hold; if `q` (n,) [rad] is given, hold there."""
+        """Stop the motion along its path and hold; with `q` (n,) [rad], hold that posture."""
         if q is None:
             motion: FollowedMotion = self._stop(now)
         else:
@@ -258,7 +258,7 @@ class TrajectoryFollower:
         return self.reference
 
     def ahead(self, times: Array) -> JointReference:
-        """Return the references (M, n) planned for times (M,) [s], if no new input arrives."""
+        """Return the references (M, n) at times (M,) [s] as planned without further input."""
         rows = [self._evaluate(time) for time in times.tolist()]
         followed = JointReference(*map(np.array, zip(*rows, strict=True)))
         if self._chase is None or not len(times):
@@ -282,11 +282,11 @@ class TrajectoryFollower:
 
     @property
     def moves(self) -> bool:
-        """Whether the reference has a velocity or acceleration, also during a stop."""
+        """Whether the reference has a velocity or acceleration, for example while it stops."""
         return bool(np.any(self.reference.dq) or np.any(self.reference.ddq))
 
     def _stop(self, now: float, share: float = 1.0) -> PolynomialPath:
-        """Return the path that stops the present motion with a fraction of the limits."""
+        """Return the path that stops the present motion within `share` of the limits."""
         acceleration_max = share * self._limits.acceleration_max
         if self._lags:
             return brake(self.reference, acceleration_max)
@@ -296,7 +296,7 @@ class TrajectoryFollower:
         return stop_along(motion, 0.0, acceleration_rows(acceleration_max)).path(motion)
 
     def _transition(self, motion: PolynomialPath | Posture, now: float, begin: float) -> Transition:
-        """Return the transition from the present motion to one with time zero `begin` [s]."""
+        """Return the transition from the present motion to `motion`, which starts at `begin`."""
         return find_transition(
             self._after(now),
             lambda share: self._stop(now, share),
@@ -314,7 +314,7 @@ class TrajectoryFollower:
         timeout = self._tolerances.stream_timeout - max(0.0, age)
         if timeout <= 0.0:
             raise RejectedInputError(
-                f'streamed point: {age:.3g} s old (stream_timeout: '
+                f'streamed point: the point is {age:.3g} s old (stream_timeout: '
                 f'{self._tolerances.stream_timeout:g}); synchronise the clocks, or set the stamp '
                 'to zero ("now")'
             )
@@ -331,7 +331,7 @@ class TrajectoryFollower:
     def _goal(
         self, trajectory: JointTrajectory, now: float, begin: float
     ) -> tuple[FollowedMotion, float]:
-        """Return the motion that follows a trajectory from `now` on, and its time zero [s].
+        """Return a motion along a trajectory from `now` on, and the motion's time zero [s].
 
         A trajectory without an initial point starts at the present reference.
         """
@@ -361,7 +361,7 @@ class TrajectoryFollower:
         if np.any(far):
             joint = int(np.argmax(far))
             raise RejectedInputError(
-                f'trajectory: it starts {distance[joint]:.3g} rad away from '
+                f'trajectory: the first point is {distance[joint]:.3g} rad away from '
                 f'{self._limits.names[joint]} at {present[joint]:.4g} rad (allowed '
                 f'{self._tolerances.start[joint]:.3g}); start at the present position, or give '
                 'the first point time to move there'
@@ -372,7 +372,7 @@ class TrajectoryFollower:
         self._begin(motion, now, zero, status)
 
     def _begin(self, motion: FollowedMotion, start: float, zero: float, status: str) -> None:
-        """Make a motion the present one; `zero` is the time zero of its trajectory [s]."""
+        """Replace the present motion; `zero` is the time zero of the new trajectory [s]."""
         # One assignment, because another thread may be checking a goal.
         self._under_way = motion, start
         self._zero = zero
@@ -383,12 +383,12 @@ class TrajectoryFollower:
         self._used = self._tolerances
 
     def _watch(self, q: Array, now: float) -> None:
-        """End the motion at its goal, if streamed points stop, or if the arm leaves the path."""
+        """End the motion at its goal, if streamed points stop, or if the arm leaves its path."""
         error, used = np.abs(self.reference.q - q), self._used
         if (error > used.path).any():
             joint = int(np.argmax(error / used.path))
             # Hold at the measured posture, so that the arm does not push against an obstacle.
-            reason = f'stopped: {self._limits.names[joint]} {error[joint]:.3g} rad off path'
+            reason = f'stopped: {self._limits.names[joint]} is {error[joint]:.3g} rad off path'
             self.stop(now, reason, q)
             self.end = MotionEnd.OFF_PATH
         elif now < self._until:
@@ -402,4 +402,4 @@ class TrajectoryFollower:
         elif now > self._until + used.goal_time:
             joint = int(np.argmax(error / used.goal))
             self.status, self.end = 'holding', MotionEnd.OFF_GOAL
-            self.outcome = f'goal missed: {self._limits.names[joint]} {error[joint]:.3g} rad off'
+            self.outcome = f'goal missed: {self._limits.names[joint]} is {error[joint]:.3g} rad off'

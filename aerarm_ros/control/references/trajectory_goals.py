@@ -1,4 +1,4 @@
-"""Trajectory goals of an action server, of which one is active at a time."""
+"""Trajectory goals of an action server; at most one goal is active at a time."""
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import replace
@@ -100,7 +100,7 @@ class ResultCode(IntEnum):
 
 
 class GoalResult(NamedTuple):
-    """Result of a goal: SUCCEEDED, ABORTED or CANCELED, with error code and text."""
+    """Result of a goal: status SUCCEEDED, ABORTED or CANCELED, error code and text."""
 
     state: str
     code: ResultCode
@@ -146,7 +146,7 @@ class TrajectoryGoals:
         start: float | None = None,
         tolerances: FollowerTolerances | None = None,
     ) -> list[tuple[Hashable, GoalResult]]:
-        """Start a goal; return the goal that it replaces, with the result of that goal.
+        """Start a goal; return the replaced goal with its result, None without one.
 
         Parameters
         ----------
@@ -167,18 +167,18 @@ class TrajectoryGoals:
         return before
 
     def cancel(self, goal: Hashable, now: float) -> list[tuple[Hashable, GoalResult]]:
-        """Stop the arm if this goal is active; return the goal with its result."""
+        """Stop the arm if this goal is active; return the canceled goal with its result."""
         if goal != self.active:
             return []
         self._follower.stop(now, 'stopped: the goal was canceled')
         return self._end(GoalResult(CANCELED, ResultCode.SUCCESSFUL, 'canceled'))
 
     def give_up(self, reason: str) -> list[tuple[Hashable, GoalResult]]:
-        """Abort the active goal because the controller stops; return the goal and its result."""
+        """Abort the active goal, as the controller stops; return the goal with its result."""
         return self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, reason))
 
     def update(self) -> list[tuple[Hashable, GoalResult]]:
-        """Return the goal that ended with the follower's last update, with its result."""
+        """Return the goal that ended in the follower's last update, with its result."""
         follower = self._follower
         is_same = follower.motion == self._motion
         if self.active is None or (is_same and follower.status != 'holding'):

@@ -24,13 +24,13 @@ _TRAVEL_RESERVE, _TIME_RESERVE = 0.02, 1e-3
 
 
 class Posture(NamedTuple):
-    """Motion that stays at a joint reference."""
+    """Motion of a resting arm: a constant joint reference."""
 
     reference: JointReference
 
     @property
     def duration(self) -> float:
-        """Duration [s] of the motion, which is zero."""
+        """Always zero, because the reference is constant [s]."""
         return 0.0
 
     def evaluate(self, time: float) -> JointReference:
@@ -39,7 +39,7 @@ class Posture(NamedTuple):
 
 
 def blend_duration(deviation: JointReference, limits: JointLimits) -> float:
-    """Return the duration [s] in which a blend removes a deviation with part of the limits."""
+    """Return the duration [s] of a blend that removes a deviation within part of the limits."""
     needed = (
         np.abs(deviation.q) / (_SHARE * limits.velocity_max),
         np.sqrt(np.abs(deviation.q) / (_SHARE * limits.acceleration_max)),
@@ -51,7 +51,7 @@ def blend_duration(deviation: JointReference, limits: JointLimits) -> float:
 
 
 class StreamedPoint:
-    """Motion that follows a streamed point until its time-out, and then brakes.
+    """Motion that follows a streamed point until the point's time-out, and then brakes.
 
     The point is extrapolated with constant acceleration. The deviation of the present reference
     from the extrapolated point goes to zero along a quintic, so that the reference never steps.
@@ -99,7 +99,7 @@ class StreamedPoint:
     def longest(
         cls, point: JointReference, present: JointReference, timeout: float, limits: JointLimits
     ) -> 'StreamedPoint':
-        """Return the motion whose blend lets it follow the point for the longest time.
+        """Return the motion with the blend that permits to follow the point the longest.
 
         Raises
         ------
@@ -190,7 +190,7 @@ class FollowedMotion(Protocol):
 
     @property
     def duration(self) -> float:
-        """Time [s] after which the motion has reached its goal, or begins to brake."""
+        """Time [s] at which the motion reaches its goal, or begins to brake."""
         ...
 
     def evaluate(self, time: float) -> JointReference:
@@ -199,7 +199,7 @@ class FollowedMotion(Protocol):
 
 
 class Transition:
-    """Motion that begins with a connecting path and continues with a given motion.
+    """Motion that begins with a connecting path and continues as another motion.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def find_transition(
 def _stop_first(
     stop: PolynomialPath, motion: PolynomialPath | Posture, delay: float, limits: JointLimits
 ) -> Transition:
-    """Return the transition that stops the arm first and then begins the new motion."""
+    """Return a transition in which the arm stops before the new motion begins."""
     rest = stop.evaluate(stop.duration)
     skipped = max(0.0, -delay)
     begin = motion.evaluate(skipped)
@@ -293,7 +293,7 @@ def _stop_first(
 
 
 def rest_to_rest_path(start: Array, end: Array, limits: JointLimits) -> PolynomialPath:
-    """Return the quintic path between two postures (n,) [rad] that uses half of the limits."""
+    """Return the fastest quintic between two postures (n,) [rad] within half of the limits."""
     velocity, acceleration = (
         _WAY_SHARE * limits.velocity_max,
         _WAY_SHARE * limits.acceleration_max,
@@ -303,7 +303,7 @@ def rest_to_rest_path(start: Array, end: Array, limits: JointLimits) -> Polynomi
 
 
 def joined(first: PolynomialPath, second: PolynomialPath) -> PolynomialPath:
-    """Return a path that follows two paths one after the other."""
+    """Return one path that consists of two successive paths."""
     times = first.times + tuple(first.duration + time for time in second.times[1:])
     return PolynomialPath(times, np.concatenate([first.coefficients, second.coefficients]))
 
@@ -316,7 +316,7 @@ def _cross_fade(
     duration: float,
     limits: JointLimits,
 ) -> tuple[PolynomialPath, str]:
-    """Return a cross-fade between two motions, and which limit it exceeds or an empty string.
+    """Return a cross-fade between two motions, and a text on the limit that it exceeds, or ''.
 
     The path passes through evenly spaced instants, and through `knots` [s] of the first motion.
     """
@@ -336,7 +336,7 @@ def _cross_fade(
 
 
 def _exceeded(samples: JointReference, limits: JointLimits) -> str:
-    """Return a text with the limit that references (M, n) exceed, or an empty string."""
+    """Return a text that names the limit that references (M, n) exceed, or ''."""
     try:
         limits.including(samples.q[0]).check_position('it', samples.q)
     except RejectedInputError as error:

@@ -25,7 +25,7 @@ _DRIFT = 0.01  # ... relative to the time between the answers
 
 
 class RestartWatch:
-    """Detects from the answers of a motor board that this board restarted.
+    """Detects a restart of a motor board from the board's answers.
 
     A board may restart between two answers or while it does not answer; its encoders then count
     from zero again. Three signs reveal a restart: an unexpected board time, a missing index pulse
@@ -44,7 +44,7 @@ class RestartWatch:
         self._detected = (False, False)
 
     def saw(self, state: BoardState, longest: float) -> bool:
-        """Process a board's answer; return whether the board restarted since its previous answer.
+        """Process an answer of the board; return whether it shows that the board restarted.
 
         Parameters
         ----------
@@ -79,7 +79,7 @@ _SATURATION_MIN = 0.5  # [A]
 
 
 class Transport(Protocol):
-    """Interface for the full-duplex exchange of SPI frames with the motor boards.
+    """Interface of a full-duplex exchange of SPI frames with the motor boards.
 
     Once open, `exchange` never raises and takes a bounded time. An unreachable board returns no
     bytes, and `problem` gives the reason.
@@ -98,7 +98,7 @@ class Transport(Protocol):
         ...
 
     def exchange(self, board: int, frame: bytes) -> bytes:
-        """Send a frame to a board and return the frame received from it; b'' if none arrived."""
+        """Send a frame to a board; return the frame that the board sends back, b'' if none."""
         ...
 
     def exchange_time(self, board: int) -> float:
@@ -106,7 +106,7 @@ class Transport(Protocol):
         ...
 
     def exchanged_at(self, board: int) -> float:
-        """End time of the last frame exchange with a board [s], on the clock of `advance`.
+        """End time [s] of the last frame exchange with a board, on the clock of `advance`.
 
         A board prepares its answer at most one period of its control loop before the exchange
         begins; the exchange begins `exchange_time` before its end.
@@ -114,7 +114,7 @@ class Transport(Protocol):
         ...
 
     def problem(self, board: int) -> str:
-        """Reason why the last frame exchange with a board failed, '' if it succeeded."""
+        """Reason why the last frame exchange with a board failed; '' after a success."""
         ...
 
 
@@ -203,7 +203,7 @@ class BoardLink:
 
     @property
     def may_be_damped(self) -> bool:
-        """Whether the board may keep damping its joints after a fault has stopped the arm.
+        """Whether the board may continue to damp its joints after a fault has stopped the arm.
 
         A board that restarted must be switched off, because it must not align without a request.
         A board that does not answer may stay on: on a half-broken wire it may still receive
@@ -218,7 +218,7 @@ class BoardLink:
         return self._command.enable_system and self.monitor.is_silent
 
     def drive_only(self, channel: int | None) -> None:
-        """Restrict `exchange` to the motor of one channel; None enables all motors in use."""
+        """Let `exchange` drive the motor of one channel only; None lets it drive all motors."""
         channels = [used for _, used in self.joints] if channel is None else [channel]
         self._used = [number in channels for number in (0, 1)]
         self.monitor.watch(channels)
@@ -290,7 +290,7 @@ class BoardLink:
             monitor.missed(enable, problem)
 
     def _time(self, earliest: float, latest: float, board_interval: float) -> None:
-        """Store the time bounds of an answer [s] and its interval on the board's clock [s]."""
+        """Store the bounds of an answer's time [s], and its interval on the board's clock [s]."""
         self.interval = latest - self._latest
         # The board's clock is independent of delays of the host, and includes the age of the data.
         by_board = board_interval % TIMESTAMP_PERIOD
@@ -456,7 +456,7 @@ class ArmMeasurements:
         self._reliable = unknown()
 
     def reliable_motion(self, is_reliable: Sequence[bool]) -> tuple[Array, Array]:
-        """Return positions [rad] and velocities [rad/s], (n,) each, of the last reliable readings.
+        """Return positions [rad] and velocities [rad/s], (n,) each, from reliable readings.
 
         A joint whose encoder is unreliable (its flag of the n flags `is_reliable` is False) keeps
         its last reliable values, because wrong positions would falsify the computed loads of the
@@ -544,7 +544,7 @@ class ArmMeasurements:
         return [now - time if now > time else 0.0 for time in measured_at], between
 
     def _droop(self, gains: Gains, lag: float | None, before: Sequence[float]) -> list[float]:
-        """Return mean current of the cycle minus sampled current, for each motor [A].
+        """Return, per motor, the mean current of the cycle minus the sampled current [A].
 
         Plain floats are used, because they are faster than arrays for four joints.
         """

@@ -1,4 +1,4 @@
-"""State machine of a motor board, and counter of the commands that did not reach the board."""
+"""State machine of a motor board, and counter of commands that did not reach the board."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 
 
 class BoardMode(StrEnum):
-    """Mode of a board, from disconnected to running; the mode fault stays until it is cleared."""
+    """Mode of a board: disconnected to running, or fault, which lasts until it is cleared."""
 
     DISCONNECTED = 'disconnected'
     IDLE = 'idle'
@@ -34,7 +34,7 @@ _CHECK = 'check the MOSI wire, its connector, the ground wire and clock_hz'
 
 
 class CommandEcho:
-    """Counts the commands that did not reach a board although the board's answers reach the host.
+    """Counts commands that did not reach a board, although the board's answers reach the host.
 
     A board answers before it reads the command of the same exchange, so an answer echoes the
     previous command. A command is counted as lost only if its own exchange and the next exchange
@@ -78,12 +78,12 @@ class CommandEcho:
 
     @property
     def is_cut(self) -> bool:
-        """Whether so many consecutive commands were lost that the wire counts as cut."""
+        """Whether so many consecutive commands were lost that the command wire counts as cut."""
         return self.lost_in_row >= self._settings.lost_commands_max
 
     @property
     def fault(self) -> str:
-        """Fault text for a cut command wire, without the name of the board."""
+        """Text of the fault of a cut command wire; the caller adds the name of the board."""
         return (
             f'{self.lost_in_row} consecutive commands did not reach the board over MOSI, '
             f'although its answers reach the host: {_CHECK}'
@@ -91,7 +91,7 @@ class CommandEcho:
 
     @property
     def warning(self) -> str:
-        """Warning about the command wire if too many commands are lost, otherwise ''."""
+        """Warning about the command wire if too many commands are lost; otherwise ''."""
         if self.is_cut:
             return f'{self._name}: {self.fault}'
         if self.rate <= self._settings.lost_commands_warning:
@@ -102,7 +102,7 @@ class CommandEcho:
         )
 
     def answered(self, echoed: int, sent: int) -> None:
-        """Compare the command index in a valid answer with that of the previous command."""
+        """Compare the command index that an answer echoes with that of the previous command."""
         if not self._echoes:
             return
         behind = (sent - echoed) % _INDICES
@@ -118,7 +118,7 @@ class CommandEcho:
         self._answered = True
 
     def missed(self) -> None:
-        """Record that the exchange with the board brought no valid answer."""
+        """Record that the last exchange with the board returned no valid answer."""
         self.unconfirmed += 1
         self._answered = False
 
@@ -127,7 +127,7 @@ _ADVICE = 'check supply, wires and SPI mode'
 
 
 class BoardMonitor:
-    """State machine of a board, driven by the board's answers; a fault stays until it is cleared.
+    """State machine of a board, driven by the board's answers; a fault lasts until it is cleared.
 
     A board goes from disconnected to idle once it answers reliably. When the system is enabled,
     the board goes to aligning, and to ready once every motor in use is aligned. A board is running
@@ -207,7 +207,7 @@ class BoardMonitor:
             )
 
     def missed(self, enable: bool = False, problem: str = '') -> None:
-        """Record that the answer of the board was invalid or missing.
+        """Process an exchange without a valid answer of the board.
 
         Parameters
         ----------
@@ -268,7 +268,7 @@ class BoardMonitor:
         return is_aligned
 
     def fail(self, text: str) -> None:
-        """Enter the mode fault with a fault text; the text of an earlier fault is kept."""
+        """Enter the mode fault with a text; keep the text of an earlier fault."""
         if self.mode is not _FAULT:
             self.mode = _FAULT
             self.fault = f'{self.name}: {text}'
@@ -283,7 +283,7 @@ class BoardMonitor:
         }
 
     def clear(self, state: BoardState) -> str:
-        """Leave the board's mode fault; return the reason if the fault persists, otherwise ''."""
+        """Leave the mode fault; return the reason if the fault persists, otherwise ''."""
         if self.mode is not _FAULT:
             return ''
         silent = self.is_silent
@@ -305,7 +305,7 @@ class BoardMonitor:
 
     @property
     def is_silent(self) -> bool:
-        """Whether too many exchanges in a row have failed, or no valid answer has arrived yet."""
+        """Whether the last exchanges failed too often, or no valid answer has arrived yet."""
         return self._bad_in_row >= self._settings.bad_frames_max or self.good_frames == 0
 
     def is_aligned(self, state: BoardState) -> bool:
@@ -352,7 +352,7 @@ _SHOWN = 5.0
 
 
 class SupplyWatch:
-    """Warns if a board's supply voltage is near its limits, and stops the arm if it exceeds them.
+    """Warns of a supply voltage near its limits, and stops the arm beyond the limits.
 
     The voltage of a supply that cannot absorb braking energy rises with each braking, so a stop
     must end the motion. At a low voltage the boards would switch off and drop the arm, while an
@@ -399,7 +399,7 @@ class SupplyWatch:
             self._warning = ''
 
     def stop(self) -> str:
-        """Return why the supply voltage requires a stop of the arm, or ''."""
+        """Return the reason if the supply voltage requires a stop of the arm, otherwise ''."""
         if self._high_in_row >= _IN_ROW:
             return (
                 f'the supply of {self._name} has {self.voltage:.1f} V, above its limit of '
@@ -415,7 +415,7 @@ class SupplyWatch:
         return ''
 
     def warning(self) -> str:
-        """Return the present warning about the supply voltage, or ''."""
+        """Return the present warning about the supply voltage, '' without one."""
         return self._warning
 
     def _warn(self, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Commissioning in the bridge: measure motors that a person turns, and drive one motor.
+"""Bridge side of commissioning: measures motors that a person turns, and drives one motor.
 
 A client repeats its request until the step has ended. A lost message therefore has no effect,
 and a motor stops if its client stops.
@@ -51,7 +51,7 @@ class ProbeRequest:
         return self.id.partition(':')[0]
 
     def text(self) -> str:
-        """Return the commissioning request as JSON."""
+        """Return this commissioning request as JSON text."""
         return json.dumps(asdict(self))
 
     @classmethod
@@ -73,7 +73,7 @@ class ProbeRequest:
 
 @dataclass(frozen=True)
 class Stroke:
-    """Mean current and speed of a driven motor while its joint turns in one direction.
+    """Mean current and speed of the driven motor in one direction of its joint.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Stroke:
 
 @dataclass(frozen=True)
 class ProbeReport:
-    """Bridge's answer to a commissioning request; arrays have one value per joint, in arm order.
+    """The bridge's answer to a commissioning request; arrays have one value per joint.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class ProbeReport:
     emulated: bool = False
 
     def text(self) -> str:
-        """Return the commissioning report as JSON."""
+        """Return this commissioning report as JSON text."""
         return json.dumps(asdict(self))
 
     @classmethod
@@ -269,17 +269,17 @@ class CommissioningProbe:
 
     @property
     def is_driving(self) -> bool:
-        """Whether the commissioning drive aligns or drives a motor."""
+        """Whether commissioning aligns or drives a motor at present."""
         return self._phase in ('aligning', 'driving')
 
     @property
     def refusal(self) -> str:
-        """Reason to reject requests that switch motors on while a drive runs, otherwise ''."""
+        """Reason to reject requests that switch motors on while one is driven; otherwise ''."""
         name = self._config.joint_names[self._joint]
         return f'{name} is being commissioned: end that procedure first' if self.is_driving else ''
 
     def ask(self, request: ProbeRequest, mode: str) -> ProbeReport:
-        """Process a commissioning request and return the report; call between two cycles.
+        """Process a commissioning request and return a report; call between two cycles.
 
         Parameters
         ----------
@@ -308,7 +308,7 @@ class CommissioningProbe:
             self._phase = 'off'
 
     def drive(self, now: float, stop: str) -> BoardLink | None:
-        """Set the driven motor's reference and return its board's link; None without a drive.
+        """Set the driven motor's reference and return its board's link; None if none is driven.
 
         Parameters
         ----------
@@ -470,14 +470,14 @@ class _TravelCount:
             self._last[i] = position
 
     def pulse_angle(self, joint: int) -> float | None:
-        """Return the mean motor angle of the index pulses modulo a turn [rad], None without one."""
+        """Return the mean motor angle [rad] of index pulses modulo a turn; None without a pulse."""
         if not (self._sines[joint] or self._cosines[joint]):
             return None
         return atan2(self._sines[joint], self._cosines[joint]) % (2.0 * pi)
 
 
 class _Drive:
-    """Reference of a motor that turns its joint back and forth, and means of its measurements."""
+    """Reference of a motor that turns its joint back and forth, and means of the measurements."""
 
     def __init__(self, start: float, begin: float = inf) -> None:
         self.start = start
@@ -508,7 +508,7 @@ class _Drive:
         )
 
     def _part(self, now: float) -> tuple[int, float, float]:
-        """Return direction, elapsed time [s] and initial displacement [rad] of the present move."""
+        """Return direction, elapsed time [s] and start displacement [rad] of the present move."""
         left, offset = now - self._begin, 0.0
         for direction, duration in _PARTS:
             if left <= duration:

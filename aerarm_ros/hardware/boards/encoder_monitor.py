@@ -1,4 +1,4 @@
-"""Detection of implausible readings of motor encoders: jumps, and standstill under torque."""
+"""Detection of implausible motor encoder readings: jumps, and no motion despite torque."""
 
 from collections.abc import Sequence
 from math import copysign, inf, nan
@@ -29,7 +29,7 @@ _LOAD_TURNS = 2.0
 
 
 class ExpectedMotion:
-    """Estimates a motor's load, and the least motion that its current must have caused.
+    """Estimates a motor's load, and the least motion that the motor current must have caused.
 
     The estimate uses no model of the arm's weight. The torque that does not accelerate the motor is
     its load, which includes any payload and any base orientation. While the measured angle does
@@ -94,7 +94,7 @@ class ExpectedMotion:
         self._is_followed = True
 
     def restart(self) -> None:
-        """Restart with a motor at rest, whose present current is assumed to hold its load."""
+        """Restart, assuming that the motor rests and that its present current holds the load."""
         self._load = self._current = self._modelled = nan
         self._rest()
 
@@ -107,7 +107,7 @@ class ExpectedMotion:
         friction: float,
         modelled: float = 0.0,
     ) -> bool:
-        """Process a measurement; return whether the motor must have turned, but its angle did not.
+        """Process a measurement; return whether an unchanged angle contradicts the current.
 
         Parameters
         ----------
@@ -168,7 +168,7 @@ class ExpectedMotion:
         self._is_followed = True
 
     def _process_change(self, change: float, elapsed: float, current: float, gain: float) -> None:
-        """Process a change of the angle: correct the estimates of speed and load."""
+        """Process a changed angle: correct the estimates of speed and load."""
         impulse = self._impulse + current * elapsed
         elapsed += self._stood
         seen = change / elapsed
@@ -216,7 +216,7 @@ class ExpectedMotion:
         self._adapt_load(current, elapsed)
 
     def _adapt_load(self, current: float, elapsed: float) -> None:
-        """Move the load estimate towards the motor current, at most at the rate of real loads."""
+        """Move the load estimate towards the motor current, no faster than real loads change."""
         step = self._rate * elapsed
         change = current - self._load
         self._load += -step if change < -step else step if change > step else change
@@ -241,7 +241,7 @@ _PAUSE = 3e-3  # [s] longest time between two checks for which the current betwe
 
 
 class EncoderMonitor:
-    """Detects encoders whose angle jumps, or does not change although the motor must have turned.
+    """Detects encoders whose angle jumps, or stays constant although the motor must have turned.
 
     A jump is a change faster than twice the joint's velocity limit. A standstill of an angle is
     implausible if the angle does not change by one count although the torque has changed by more
@@ -333,7 +333,7 @@ class EncoderMonitor:
         inertias: Sequence[float] | None = None,
         loads: Sequence[float] | None = None,
     ) -> str:
-        """Check the encoders of all motors; return the description of a fault, or ''.
+        """Check the encoders of all motors; return a description of a fault, '' without one.
 
         Parameters
         ----------
@@ -472,7 +472,7 @@ class _Encoder:
         return inf
 
     def check_angle(self, position: float, now: float, interval: float) -> str:
-        """Check a motor angle [rad] for a jump since the last one, at most `interval` [s] ago."""
+        """Check a motor angle [rad] for a jump since the last angle, `interval` [s] ago or less."""
         elapsed = now - self.seen
         self.elapsed = interval if interval < elapsed else elapsed
         self.is_pause = interval > _PAUSE
@@ -503,13 +503,13 @@ class _Encoder:
         )
 
     def _slowly(self, time: float) -> float:
-        """Return the largest motion [rad] in `time` [s] at about the speed before a jump."""
+        """Return the largest plausible motion [rad] in `time` [s], given the last speed."""
         return (_SPEED_FACTOR * self.speed + _SPEED_ALLOWANCE) * time + _JUMP_ALLOWANCE
 
     def check_standstill(
         self, current: float, commanded: float, noise: float, stall_time: float
     ) -> str:
-        """Return why the motor's standstill contradicts its change of current [A], or ''."""
+        """Return a fault text if the motor stands still despite a change of current [A], or ''."""
         feedback = current - commanded
         if self.change != 0.0:
             self.moving_current, self.moving_feedback = current, feedback
@@ -548,7 +548,7 @@ class _Encoder:
         )
 
     def check_motion(self, current: float, noise: float, inertia: float, load: float) -> str:
-        """Return why the joint must have moved, given its inertia and load, or ''.
+        """Return a fault text if a resting joint must have moved with its inertia and load, or ''.
 
         Call after `check_standstill` with the same currents [A]. `inertia` [kg m^2] is NaN if it
         is unknown; `load` is the modelled load torque [Nm].
@@ -574,7 +574,7 @@ class _Encoder:
         )
 
     def _doubt(self) -> None:
-        """Record an implausible standstill, which a second reading has to confirm."""
+        """Record an implausible standstill; a second reading has to confirm the fault."""
         if self.doubted_for != self.doubted_for:
             self.doubted_for = 0.0
             self.stood_at = self.position

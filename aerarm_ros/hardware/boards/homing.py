@@ -19,7 +19,7 @@ _TURN = 2.0 * np.pi
 
 
 class EncoderZeros:
-    """Record of which joints have a known encoder zero, and why other zeros are unknown.
+    """Record of the joints with a known encoder zero, and of the reasons for unknown zeros.
 
     An incremental encoder counts from its angle at power-on, so its zero is initially unknown.
     Homing finds the zero by index pulses, one per motor turn. The home configuration, into which
@@ -82,13 +82,13 @@ class EncoderZeros:
         return known
 
     def restarted(self, joints: Iterable[int], reason: str) -> None:
-        """Record that the boards of joints restarted; only absolute encoders keep their zeros."""
+        """Record a restart of the joints' boards; only absolute encoders keep their zeros."""
         joints = list(joints)
         self.found(joint for joint in joints if self.absolute[joint])
         self.lose((joint for joint in joints if not self.absolute[joint]), reason)
 
     def lose(self, joints: Iterable[int], reason: str) -> None:
-        """Record that the encoder zeros of joints are lost; an earlier reason is kept."""
+        """Record that the encoder zeros of joints are lost; keep the reason of an earlier loss."""
         for joint in joints:
             self.changes += joint not in self._lost
             self._lost.setdefault(joint, reason)
@@ -104,7 +104,7 @@ class EncoderZeros:
 
     @property
     def problem(self) -> str:
-        """Joints whose encoder zero is unknown, why, and what to do; '' if all are known."""
+        """Text with the joints of unknown encoder zero, the reasons and the remedy, or ''."""
         if not self._lost:
             return ''
         reasons = dict.fromkeys(self._lost.values())
@@ -114,7 +114,7 @@ class EncoderZeros:
         )
 
     def refusal(self, motor_position: Array) -> str:
-        """Return why homing may not start at the motor angles (n,) [rad], or ''.
+        """Return the reason if homing may not start at these motor angles (n,) [rad], or ''.
 
         Each joint with a known zero must be at its home position. For all other joints the user
         must ensure this.
@@ -131,11 +131,11 @@ class EncoderZeros:
         )
 
     def expected(self, motor_position: Array) -> Array:
-        """Return motor angles (n,) [rad]: measured by absolute encoders, else those of home."""
+        """Return assumed motor angles (n,) [rad]: of absolute encoders, otherwise those of home."""
         return np.where(self.absolute, motor_position, self.rest)
 
     def assumed_home(self) -> str:
-        """Return a sentence that names the home configuration, for the answer to the user."""
+        """Return the sentence on the assumed home configuration, for the answer to the user."""
         return f'homing assumes that the arm is at its home configuration, {self._posture()}'
 
     def _posture(self) -> str:
@@ -263,7 +263,7 @@ class Homing:
 
     @property
     def pulse_offset(self) -> Array:
-        """Motor angles (n,) of the detected index pulses [rad], if `expected` was exact."""
+        """Motor angles (n,) [rad] of the index pulses, under the assumption of exact `expected`."""
         return (self._pulse + self._shift) % _TURN
 
     def update(self, position: Array, toggles: Mask) -> None:
@@ -297,7 +297,7 @@ class Homing:
         self.command.dq[:] = self._sign * speed
 
     def _return_speed(self, position: Array) -> Array:
-        """Return joint speeds (n,) [rad/s] that move joints with a found zero home."""
+        """Return joint speeds (n,) [rad/s] that return joints with a found zero to home."""
         away = self._ratio * (self.zero + self._home - position)
         # the joint passed its home position while the host was delayed
         passed = away * self._away < 0.0
@@ -339,12 +339,12 @@ class Homing:
             f'homing found the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
             f'({angle:.3f} rad at the joint) from its expected angle, above the limit of '
             f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and run '
-            "'arm home' again. If the arm was already there, the encoder, motor or "
+            "'arm home' again. If the arm was in this configuration, the encoder, motor or "
             'configuration has changed; commission the joint',
         )
 
     def _turn_and_residual(self, reported: Array) -> tuple[Array, Array]:
-        """Return turn number and remainder [turns] of index pulses at n reported angles [rad]."""
+        """Return turn numbers and remainders [turns] of index pulses at reported angles (n,)."""
         turns = (reported + self._shift - self._offset) / _TURN
         turn = np.round(turns)
         return turn, turns - turn
@@ -390,7 +390,7 @@ class Homing:
 
 
 def homing_sides(config: ArmConfig) -> Array:
-    """Return on which sides of home each joint has enough range to find its index pulses.
+    """Return on which sides of home each joint has enough range to find two index pulses.
 
     Returns
     -------
@@ -408,7 +408,7 @@ def homing_sides(config: ArmConfig) -> Array:
 
 
 def motion_in_words(config: ArmConfig) -> str:
-    """Return a description of the homing motion for the user, with the joints' travel [rad]."""
+    """Return a text that describes the homing motion, with the joints' travel [rad]."""
     travel = _TURN * config.column('gear.ratio')
     one_sided = homing_sides(config) != 0.0
     side = 'up to two turns to one side' if one_sided.any() else 'to either side'
@@ -419,7 +419,7 @@ def motion_in_words(config: ArmConfig) -> str:
 
 
 def homing_range_problem(config: ArmConfig) -> str:
-    """Return which joint has too little range for homing and what to change, or ''."""
+    """Return a text if a joint has too little range for homing, with advice; otherwise ''."""
     tight = np.isnan(homing_sides(config))
     if not tight.any():
         return ''
@@ -434,7 +434,7 @@ def homing_range_problem(config: ArmConfig) -> str:
 
 
 class ZeroSearch:
-    """Starts `Homing`, at once or when the motors are aligned, and updates it once per cycle.
+    """Starts `Homing`, at once or after the motors' alignment, and updates it once per cycle.
 
     Parameters
     ----------
@@ -464,7 +464,7 @@ class ZeroSearch:
 
     @property
     def is_on(self) -> bool:
-        """Whether a search for the encoder zeros is running, or waits for aligned motors."""
+        """Whether a search for the encoder zeros runs, or waits until the motors are aligned."""
         return self._waits or self._homing is not None
 
     def begin(self, expected: Array) -> Homing:
@@ -477,7 +477,7 @@ class ZeroSearch:
         return homing
 
     def wait(self) -> None:
-        """Start homing at the next update, from motor angles accurate to a third of a turn."""
+        """Let the next `update`, with aligned motors, start homing from the measured angles."""
         self._waits = True
 
     def end(self) -> None:
@@ -485,7 +485,7 @@ class ZeroSearch:
         self._homing, self._waits = None, False
 
     def update(self) -> Homing:
-        """Advance homing by the last measurements of the aligned motors, and return it."""
+        """Update homing with the last measurements of the aligned motors; return the homing."""
         state = self._state
         homing = self._homing or self.begin(state.motor_position)
         homing.update(state.reported_position, state.index_toggle)

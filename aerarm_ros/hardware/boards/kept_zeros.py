@@ -46,7 +46,7 @@ LONGEST = 65536  # largest number of characters of a file that is read
 
 
 class KeptZerosError(ValueError):
-    """Stored encoder zeros cannot be used; the message gives the reason."""
+    """Error: stored encoder zeros cannot be used; the message gives the reason."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class KeptJoint:
 
 @dataclass(frozen=True)
 class KeptBoard:
-    """Stored last answer of a motor board: host time [s, monotonic], board time [s], error code."""
+    """Stored host time [s, monotonic], board time [s] and error code of a board's last answer."""
 
     name: str
     time: float
@@ -82,7 +82,7 @@ class KeptBoard:
 
 @dataclass(frozen=True)
 class HostClock:
-    """Data that identify the host's monotonic clock: last start and total sleep of the host.
+    """Identity of the host's monotonic clock: last start and total sleep of the host.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ class KeptZeros:
             ) from None
 
     def check(self, arm: str, host: HostClock, now: float) -> KeptZeros:
-        """Return this state; raise KeptZerosError if arm or last host start differ.
+        """Return this state; raise KeptZerosError if it is of another arm or host start.
 
         Parameters
         ----------
@@ -175,7 +175,7 @@ class KeptZeros:
 
 
 def sealed(kept: str) -> str:
-    """Return a text with its digest, from which `KeptZeros.parse` detects changes of the text."""
+    """Return a text with its digest, by which `KeptZeros.parse` detects a changed text."""
     return json.dumps({'sha256': hashlib.sha256(kept.encode()).hexdigest(), 'kept': kept})
 
 
@@ -191,7 +191,7 @@ def arm_identity(config: ArmConfig) -> str:
 
 
 class ZeroRecall:
-    """Checks at a motor board's first answer whether its stored encoder zeros are still valid.
+    """Checks, at the first answer of each board, whether its stored encoder zeros are still valid.
 
     The board's flag `index detected` alone is not sufficient, because it stays set. The times
     elapsed on the board's clock and on the host clock must agree. The board must still report
@@ -240,7 +240,7 @@ class ZeroRecall:
 
     @property
     def is_on(self) -> bool:
-        """Whether a board whose encoder zeros are stored has not answered yet."""
+        """Whether a board with stored encoder zeros has not answered yet."""
         return bool(self._waiting)
 
     def look(self) -> bool:
@@ -260,7 +260,7 @@ class ZeroRecall:
             joints = [number for number, _ in link.joints if not self._zeros.absolute[number]]
             problem = self._problem(board, link)
             if problem:
-                self._zeros.explain(joints, f'{board.name} {problem}')
+                self._zeros.explain(joints, problem)
                 continue
             kept = {joint.name: joint.zero for joint in board.joints}
             again = [number for number in joints if self._zeros.names[number] in kept]
@@ -271,7 +271,7 @@ class ZeroRecall:
         return changed
 
     def take_pulse_offset(self, pulse_offset: ArrayLike, motors_are_off: bool) -> str:
-        """Change the motor angles of the index pulses [rad], n angles or one for all motors.
+        """Change the motor angles [rad] of the index pulses, n angles or one for all motors.
 
         The zeros of joints homed with different angles become unknown. Returns why the old angles
         stay, or ''.
@@ -297,38 +297,38 @@ class ZeroRecall:
         return KeptZeros(arm, host, tuple(board for board in boards if board is not None))
 
     def _problem(self, board: KeptBoard, link: BoardLink) -> str:
-        """Return why the stored encoder zeros of a board cannot be used, or ''."""
-        state, away = link.state, link.answered_at - board.time
+        """Return the reason if a board's stored encoder zeros cannot be used, otherwise ''."""
+        state, away, name = link.state, link.answered_at - board.time, board.name
         if away < 0.0:
-            return 'answered before its zero was stored'
+            return f'{name} answered before its zero was stored'
         if away > AWAY_MAX:
             return (
-                f'was not observed for {away:.0f} s, but its clock can show a restart only '
+                f'{name} was not observed for {away:.0f} s, but its clock can show a restart only '
                 f'within {AWAY_MAX:g} s'
             )
         ahead = state.timestamp - board.timestamp - away
         off = (ahead + 0.5 * TIMESTAMP_PERIOD) % TIMESTAMP_PERIOD - 0.5 * TIMESTAMP_PERIOD
         lost_error = link.keeps_errors and board.error and not state.error
         if abs(off) > _TICKS + _DRIFT * away or lost_error:
-            return 'was switched off and on while the bridge was not running'
+            return f'{name} was switched off and on while the bridge was not running'
         kept = {joint.name: joint for joint in board.joints}
         for number, channel in link.joints:
             joint = kept.get(self._config.joint_names[number])
             if joint is None:
                 continue
             if joint.index_detected and not state.index_detected[channel]:
-                return 'was switched off and on while the bridge was not running'
+                return f'{name} was switched off and on while the bridge was not running'
             if abs(joint.pulse_offset - self.pulse_offset[number]) > _SAME_PULSE:
-                return 'was homed with another index pulse of ' + joint.name
+                return f'{name} was homed with another index pulse of {joint.name}'
             toggled = state.index_toggle[channel] != joint.index_toggle
             if not self._can_have_moved(number, joint, state.position[channel], toggled, away):
-                return f'has another encoder count of {joint.name} than before'
+                return f'{name} has another encoder count of {joint.name} than before'
         return ''
 
     def _can_have_moved(
         self, number: int, kept: KeptJoint, position: float, toggled: bool, away: float
     ) -> bool:
-        """Return whether a joint can have moved from its stored to its reported angle."""
+        """Return whether a motion of the joint can explain stored and reported angle."""
         joint = self._config.joints[number]
         before, after = kept.position - kept.zero, position - kept.zero
         q = joint.sign * joint.gear.ratio * after + joint.offset
@@ -388,7 +388,7 @@ _BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
 
 
 def host_clock() -> HostClock:
-    """Return the identity of this process's monotonic clock; raise OSError without one."""
+    """Return the identity of the host's monotonic clock; raise OSError if it is unavailable."""
     boot = _BOOT_ID.read_text(encoding='ascii').strip()
     suspended = time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()
     return HostClock(boot, suspended)
@@ -434,7 +434,7 @@ class ZeroFile:
         self._thread: threading.Thread | None = None
 
     def read(self, now: float) -> KeptZeros | str | None:
-        """Return the stored state, the reason why it is unusable, or None if no file exists.
+        """Return the stored state, a text on why it is unusable, or None if no file exists.
 
         Parameters
         ----------
@@ -469,7 +469,7 @@ class ZeroFile:
             self._thread.start()
 
     def close(self) -> None:
-        """Write pending data and end the writing thread, which the next update starts again."""
+        """Write pending data and end the writing thread; the next update restarts the thread."""
         if self._thread is not None:
             self._ends = True
             self._news.set()

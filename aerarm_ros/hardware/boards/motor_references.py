@@ -18,7 +18,7 @@ _SENT_KEPT = 512
 
 
 class MotorReference:
-    """Reference and gains that a board's control law (4.4) receives for one motor.
+    """Reference and gains of one motor for the control law (4.4) of its board.
 
     NaN means an unused value. Plain floats are used, because they are faster than arrays for four
     joints.
@@ -120,7 +120,7 @@ class MotorReference:
         self.release()
 
     def set_gains(self, kp: float, kd: float, integral_gain: float, reach: float) -> None:
-        """Set the gains of the board's control law, in the units of the class attributes.
+        """Set the gains of the board's control law, in the units given for the attributes.
 
         `reach` is the largest distance of an integrated reference from the joint [rad].
         """
@@ -129,7 +129,7 @@ class MotorReference:
         self._reach = reach
 
     def set_zero(self, zero: float) -> None:
-        """Change `zero` [rad]; the motor does not move, so the computed joint angle changes."""
+        """Change `zero` [rad]; the motor does not move, but the computed joint angle changes."""
         self.joint_position += (self.zero - zero) / self._slope
         self.zero = zero
 
@@ -143,14 +143,14 @@ class MotorReference:
         self._integrates = False
 
     def damp(self, speed_max: float = inf) -> None:
-        """Damp the joint, with at most the damping current at the motor speed `speed_max`."""
+        """Damp the joint; limit the current to the one that damps the motor speed `speed_max`."""
         self.release()
         self.kd = self._board_kd
         if speed_max < inf:
             self.current_max = self.kd * speed_max
 
     def torque(self, q: float, dq: float) -> float:
-        """Return the joint torque [Nm] that the control law requests at q [rad], dq [rad/s]."""
+        """Return the joint torque [Nm] that the board requests at q [rad] and dq [rad/s]."""
         return self._limited(self._present_law(q, dq))
 
     def note_sent(self) -> None:
@@ -160,7 +160,7 @@ class MotorReference:
         )
 
     def kept_torque(self, q: float, dq: float, unconfirmed: int) -> float:
-        """Return the joint torque [Nm] that the board requests if it lost the last commands.
+        """Return the joint torque [Nm] that the board requests if the last commands were lost.
 
         The board then keeps the command that is `unconfirmed` commands older than the last.
         """
@@ -175,7 +175,7 @@ class MotorReference:
             self.integral = min(max(wound, -most), most)
 
     def track(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
-        """Set the motor's references from limited joint references [rad], [rad/s], [Nm].
+        """Set the motor's references, given limited joint references [rad], [rad/s], [Nm].
 
         References are NaN where unused. The joint is at q [rad], and `dt` is the time since the
         last call [s].
@@ -257,13 +257,13 @@ class MotorReference:
         return True
 
     def _gap_kd(self, barrier: JointBarrier, torque: float, law: float) -> float:
-        """Return the damping gain [A s/rad] that limits the speed if no later command arrives."""
+        """Return the damping gain [A s/rad] that limits the speed while commands are missing."""
         per_gain = self._per_gain
         damping = barrier.gap_damping(torque, law, self.kp * per_gain, self.kd * per_gain)
         return min(damping / per_gain, self._kd_max) if damping else 0.0
 
     def _present_law(self, q: float, dq: float) -> float:
-        """Return the result of `_law` [Nm] for the present references and gains."""
+        """Return the joint torque [Nm] by `_law` for the present references and gains."""
         return self._law(
             self.position, self.velocity, self.current, self.kp, self.kd, self.integral_gain, q, dq
         )
@@ -297,7 +297,7 @@ class MotorReference:
         return self.position - self.zero - self._slope * q - self._intercept
 
     def _integrated(self, step: float, q: float) -> float:
-        """Return the last position reference plus a step [rad], limited to reach and limits."""
+        """Return the last position reference plus a step [rad], within reach and limits."""
         last = self.joint_position
         wanted = (last if last == last else q) + step
         least, most = q - self._reach, q + self._reach
@@ -306,7 +306,7 @@ class MotorReference:
 
 
 class MotorReferences:
-    """References and gains of the n motors for the boards' control law, in the order of the joints.
+    """References and gains of n motors for the boards' control law (4.4), in joint order.
 
     If a joint is commanded by velocity only, the velocity is integrated into a position reference.
     The proportional and derivative gains of the boards then act as the integral and proportional
@@ -371,7 +371,7 @@ class MotorReferences:
 
     @property
     def gains(self) -> list[tuple[float, float]]:
-        """Kp [A/rad] and Kd [A s/rad] that the boards use at present, one pair per motor.
+        """Gains Kp [A/rad] and Kd [A s/rad] that the boards use at present, per motor.
 
         While the joint is controlled by torque, Kp is zero, and Kd is the damping near a limit.
         """
@@ -384,12 +384,12 @@ class MotorReferences:
 
     @property
     def feed_forward(self) -> list[float]:
-        """Motor currents [A], n values: the commanded effort, or the load of a braked joint."""
+        """Motor currents (n,) [A] for the commanded effort, or for the load of a braked joint."""
         return [motor.load_current for motor in self.motors]
 
     @property
     def braking_noise(self) -> list[float]:
-        """Motor currents [A], n values, caused by encoder quantization in braked joints, else 0."""
+        """Motor currents (n,) [A] that encoder quantization causes in braked joints, or 0."""
         return [motor.noise for motor in self.motors]
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
@@ -425,13 +425,13 @@ class MotorReferences:
         return gains
 
     def set_zero(self, zero: Array) -> None:
-        """Change `zero` (n,) [rad]; the motors do not move, so the computed joint angles change."""
+        """Change `zero` (n,) [rad]; the motors do not move, but computed joint angles change."""
         self.zero[:] = zero
         for motor, angle in zip(self.motors, zero.tolist(), strict=True):
             motor.set_zero(angle)
 
     def switch_off(self) -> None:
-        """Set currents and gains to zero, and the integral terms too, as boards that are off do."""
+        """Set currents, gains and integral terms to zero, as boards do that are off."""
         for motor in self.motors:
             motor.release()
             motor.integral = 0.0
@@ -452,7 +452,7 @@ class MotorReferences:
             motor.note_sent()
 
     def kept_torques(self, q: Array, dq: Array, unconfirmed: Sequence[int]) -> list[float]:
-        """Return the joint torques [Nm], n values, of boards that still use an older command.
+        """Return the joint torques (n,) [Nm] of boards that still use an older command.
 
         Parameters
         ----------
@@ -488,7 +488,7 @@ class MotorReferences:
         return True in braked
 
     def damp(self, speed_max: Array) -> None:
-        """Damp all joints; limit each current to the damping current at a motor speed (n,) [rad/s].
+        """Damp all joints; limit currents to those that damp motor speeds (n,) [rad/s].
 
         A joint with speed 0, because its encoder is unreliable, gets no current.
         """

@@ -1,4 +1,4 @@
-"""Emulated motor board, which exchanges frames with the bridge and drives two motors."""
+"""Emulated motor board that exchanges SPI frames with the bridge and drives two motors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, FrameProfile
 
 @dataclass(slots=True)
 class BoardFaults:
-    """Faults of an emulated board that stay until its power cycle; none by default.
+    """Faults of an emulated board that last until its power cycle; none by default.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class EmulatedSupply:
         self.capacitance = 0.0
 
     def step(self, power: float, duration: float) -> None:
-        """Compute the supply voltage after the motors drew a power [W] for `duration` [s]."""
+        """Update the supply voltage, after the motors drew a power [W] for `duration` [s]."""
         loaded = self.source - _RESISTANCE * power / self.source
         if not self.capacitance or power > 0.0 and self.voltage <= self.source:
             self.voltage = loaded
@@ -225,7 +225,7 @@ class EmulatedBoard:
         return not self.system_enabled or (is_silent and not self._is_driving())
 
     def exchange(self, frame: bytes) -> bytes:
-        """Process a command frame and return the sensor frame that was prepared earlier."""
+        """Process a command frame; return the sensor frame that `prepare` has prepared."""
         faults = self.faults
         if faults.dead or (faults.lost_frame_rate and self._happens(faults.lost_frame_rate)):
             return _LINE_LOW
@@ -239,7 +239,7 @@ class EmulatedBoard:
         return self._with_bit_errors(answer)[: faults.answer_bytes]
 
     def prepare(self) -> None:
-        """Prepare the sensor frame for the next exchange, as the firmware does in each loop."""
+        """Prepare the sensor frame for the next exchange, as the firmware does in its loop."""
         self._prepared = self._sensor_frame()
 
     def step(self, angle_1: float, angle_2: float) -> None:
@@ -271,7 +271,7 @@ class EmulatedBoard:
         self._steps = 0
 
     def raise_error(self, code: int) -> None:
-        """Switch the motors off with an error code; the code of an earlier error is kept."""
+        """Switch the motors off with an error code; keep the code of an earlier error."""
         self._prepared = None
         if self.error == 0:
             self.error = code
@@ -323,7 +323,7 @@ class EmulatedBoard:
                 motor.enable(command.enable_motor[i])
 
     def _check(self) -> None:
-        """Raise the errors that the firmware detects in every control loop."""
+        """Report the errors that the real firmware detects in every control loop."""
         command = self._command
         if command.timeout and self._silence > command.timeout and self._is_driving():
             self.raise_error(TIMEOUT_ERROR)

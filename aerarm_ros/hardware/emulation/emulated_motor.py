@@ -12,7 +12,7 @@ from aerarm_ros.description.drive_config import JointConfig, MotorConfig
 
 @dataclass(frozen=True)
 class AlignmentTiming:
-    """Durations and current of a rotor's alignment, in which the field turns forward and back.
+    """Durations and current of a rotor's alignment by a field that turns forward and back.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class EmulatedEncoder:
         self.stuck = False
 
     def sample(self, angle: float, compensate_index: bool = False) -> None:
-        """Measure a true motor angle [rad]; call once per sub-step.
+        """Measure the motor angle, given its true value [rad]; call once per sub-step.
 
         With `compensate_index`, the next index pulse shifts the position so that the pulse lies at
         zero, like the firmware's index offset compensation.
@@ -111,7 +111,7 @@ class EmulatedEncoder:
         self.position = position
 
     def place(self, angle: float) -> None:
-        """Move the encoder to a true motor angle [rad] without a measured speed."""
+        """Set the true motor angle [rad] without an effect on the measured speed."""
         if self._begins:
             self._shift, self._begins = -angle, False
         self._angle = angle
@@ -120,7 +120,7 @@ class EmulatedEncoder:
         self.velocity = 0.0
 
     def remount(self, angle: float) -> None:
-        """Move the encoder to a motor whose shaft has another angle [rad]; keep its count."""
+        """Mount the encoder on another motor, at its shaft angle [rad]; keep the count."""
         if self._angle is None:
             return  # the encoder has not begun to count
         self._shift += self._angle - angle
@@ -128,7 +128,7 @@ class EmulatedEncoder:
         self._turn = self._turns(angle)
 
     def restart(self) -> None:
-        """Restart the count, as after a power cycle; no index pulse counts as detected."""
+        """Restart the count as after a power cycle, with no index pulse detected yet."""
         angle = self._angle or 0.0
         self._shift = -angle if self._shift_absolute is None else self._shift_absolute
         self.position, self.velocity = self._quantised(angle), 0.0
@@ -147,7 +147,7 @@ class EmulatedEncoder:
         self.index_toggle = not self.index_toggle
 
     def _turns(self, angle: float) -> int:
-        """Return the number of index pulses from `pulse_offset` to a true motor angle [rad]."""
+        """Return the number of index pulses between `pulse_offset` and a motor angle [rad]."""
         return floor((angle - self._pulse_offset) / (2.0 * pi))
 
     def _quantised(self, angle: float) -> float:
@@ -173,7 +173,7 @@ _SHORTEST = 5.0
 
 
 class EmulatedHeat:
-    """Thermal model of a motor: copper, stator iron and housing in series, in air at 25 degC.
+    """Thermal model of a motor: copper, stator iron and housing, in air at 25 degC.
 
     The model shares no code with the estimator of `hardware.heat_watch`: it has more bodies, iron
     losses, another numerical method (explicit midpoint) and, with a seed, other parameters.
@@ -220,7 +220,7 @@ class EmulatedHeat:
 
     @classmethod
     def of_joint(cls, joint: JointConfig, arm_seed: int | None) -> EmulatedHeat:
-        """Return the thermal model of a joint's motor; the seed draws its deviations."""
+        """Return the thermal model of a joint's motor, with random deviations by the seed."""
         if arm_seed is None:
             return cls(joint.motor)
         return cls(joint.motor, 2 * (1000 * arm_seed + joint.board) + joint.channel)
@@ -272,7 +272,7 @@ _TRAVEL_TOLERANCE = 0.3
 
 
 class EmulatedMotor:
-    """Emulated motor with alignment, control law (4.4), current loop and encoder.
+    """Emulated motor with alignment, control law (thesis (4.4)), current loop and encoder.
 
     The model advances in equal sub-steps. The board writes the references and gains, named as in
     `BoardCommand`, and reads the measurements.
@@ -325,12 +325,12 @@ class EmulatedMotor:
 
     @property
     def measured_current(self) -> float:
-        """Quadrature current [A] in the firmware's estimated rotor frame; 0 during alignment."""
+        """Quadrature current [A] in the rotor frame of the firmware; 0 during alignment."""
         return self.torque_current if self.ready else 0.0
 
     @property
     def quadrature_voltage(self) -> float:
-        """Quadrature voltage [V], so that (4.1) gives Joule loss plus mechanical power."""
+        """Quadrature voltage [V] that is consistent with the motor power of thesis (4.1)."""
         back_emf = 2.0 / 3.0 * self._motor.torque_constant * self.encoder.velocity
         return self.heat.resistance * self.measured_current + back_emf
 
@@ -340,14 +340,14 @@ class EmulatedMotor:
         return 1.5 * self.quadrature_voltage * self.measured_current
 
     def enable(self, enabled: bool) -> None:
-        """Enable or disable the motor; a motor that is not aligned yet is aligned first."""
+        """Enable or disable the motor; enabling first aligns a motor that is not aligned."""
         if enabled and not self._enabled and not self.ready:
             self._aligning_for = 0.0
         self._enabled = enabled
         self._integral = 0.0 if not enabled else self._integral
 
     def forget_alignment(self) -> None:
-        """Disable the motor; when it is enabled again, it is aligned first."""
+        """Disable the motor, so that it is aligned again when it is enabled."""
         self._enabled = self.ready = self.alignment_failed = False
         self._integral = 0.0
 
@@ -371,7 +371,7 @@ class EmulatedMotor:
         self.torque_current += self._current_gain * (target - self.torque_current)
 
     def _integrate(self, error: float) -> float:
-        """Return the integral term of (4.4) [A], limited to the current saturation."""
+        """Return the integral term [A] of control law (4.4), limited to the largest current."""
         limit = self.current_saturation
         step = self.integral_gain * error * self._substep
         self._integral = min(max(self._integral + step, -limit), limit)

@@ -1,4 +1,4 @@
-"""Transport to emulated boards and their simulated arm, which advance with the bridge's time."""
+"""Transport to emulated boards and a simulated arm, which advance with the bridge's time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LAG_MAX = 20  # [states] with a larger lag the bridge would reject the command 
 
 
 class AnswerWatch:
-    """Decides whether the simulation waits for the command that answers a joint state.
+    """Decides whether the simulation waits for a controller's answer to a joint state.
 
     A controller stamps a command with the stamp of the state that it answers. After the first
     answer, every further answer is expected at most `lag` states later. If an answer does not
@@ -41,7 +41,7 @@ class AnswerWatch:
 
     @property
     def expects(self) -> bool:
-        """Whether a controller currently answers the joint states."""
+        """Whether a controller answers the joint states at present."""
         return self._expects
 
     def note(self, stamp_ns: int, newest_ns: int) -> None:
@@ -50,7 +50,7 @@ class AnswerWatch:
         self._answered_ns = stamp_ns
 
     def is_answer(self, stamp_ns: int, newest_ns: int) -> bool:
-        """Whether a command's stamp [ns] is that of the newest or a recent joint state."""
+        """Whether a command's stamp [ns] equals that of the newest or a recent joint state."""
         states, rest = divmod(newest_ns - stamp_ns, self._period_ns)
         return 0 <= states <= _LAG_MAX and rest == 0
 
@@ -59,12 +59,12 @@ class AnswerWatch:
         return self._expects and newest_ns - self._answered_ns > self._lag * self._period_ns
 
     def give_up(self) -> None:
-        """Stop waiting until the controller answers again, and then allow a larger lag."""
+        """Stop waiting until the controller answers again; then tolerate a larger lag."""
         self._expects = False
         self._lag = min(4 * self._lag + 1, _LAG_MAX)
 
     def forget(self) -> None:
-        """Discard all answers and reset the tolerated lag after the last controller has stopped."""
+        """Discard all answers and reset the tolerated lag, as no controller is left."""
         self._expects = False
         self._lag = self._first_lag
 
@@ -107,7 +107,7 @@ def parse_turn(text: str, names: Sequence[str]) -> tuple[int, float]:
 
 
 class EmulatedHand:
-    """Emulated hand that turns a joint slowly to an angle with a small error, then releases it.
+    """Emulated hand that turns a joint slowly to about an angle, then releases the joint.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class EmulatedHand:
         return self._left <= 0.0
 
     def effort(self, q: float, dq: float, duration: float) -> float:
-        """Return the hand's torque [Nm] at q [rad], dq [rad/s], and advance by `duration` [s]."""
+        """Return the hand's torque [Nm] at q [rad] and dq [rad/s]; advance by `duration` [s]."""
         self._left -= duration
         step = _SPEED * duration
         away = self._target - self._reference
@@ -200,7 +200,7 @@ class EmulatedTransport:
             self._effort_per_current.append(torque_constant * joint.gear.efficiency * ratio)
 
     def _rewire(self) -> None:
-        """Apply changed wiring errors of the boards; no encoder count changes."""
+        """Apply changed wiring errors of the boards, without a change of encoder counts."""
         self._connect()
         for (_, _, motor, ratio, offset), q in zip(
             self._drives, self.plant.position.tolist(), strict=True
@@ -252,7 +252,7 @@ class EmulatedTransport:
         return self._now or 0.0
 
     def problem(self, board: int) -> str:
-        """Return '', because the emulated bus never fails; board faults appear in the frames."""
+        """Return '', as the emulated bus never fails; frames show the faults of boards."""
         return ''
 
     @property
@@ -261,7 +261,7 @@ class EmulatedTransport:
         return self._carried
 
     def carry(self) -> None:
-        """Stop the simulated arm and support its weight by hand until every motor is ready."""
+        """Stop the simulated arm and support its weight until every motor is ready."""
         self.plant.reset(self.plant.position)
         self._carried = True
         self.plant.support = 1.0

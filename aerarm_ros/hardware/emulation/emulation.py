@@ -100,7 +100,7 @@ def make_emulated_transport(
     parameters: PlantParameters | None = None,
     profile: FrameProfile | None = None,
 ) -> EmulatedTransport:
-    """Return emulated boards that drive a simulated arm.
+    """Return a transport to emulated boards that drive a simulated arm.
 
     Parameters
     ----------

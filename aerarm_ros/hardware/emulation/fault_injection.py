@@ -35,7 +35,7 @@ class Fault(NamedTuple):
 
 
 class FaultInjectionError(ValueError):
-    """Request for an unknown fault, or for a board or motor that the arm does not have."""
+    """Error: a requested fault is unknown or invalid, or its board or motor does not exist."""
 
 
 def inject(
@@ -187,7 +187,7 @@ FAULTS: dict[str, Fault] = {
         'fraction of frames with flipped bits, in each direction', _bit_errors, *_SHARE_OF_FRAMES
     ),
     'lost_frames': Fault(
-        'fraction of exchanges that the board misses', _lost_frames, *_SHARE_OF_FRAMES
+        'fraction of frame exchanges that the board misses', _lost_frames, *_SHARE_OF_FRAMES
     ),
     'lost_commands': Fault(
         'fraction of commands that the board does not receive while it answers',
@@ -211,16 +211,17 @@ FAULTS: dict[str, Fault] = {
     'board_timeout': Fault('the board receives no frames', _board_timeout),
     'mute_board': Fault('the board receives frames but sends none', _mute_board),
     'short_answers': Fault(
-        'number of bytes per frame that the board receives', _short_answers, 20, 0, 34
+        'number of bytes of each answer that reach the host', _short_answers, 20, 0, 34
     ),
-    'slow_bus': Fault('duration of an exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
+    'slow_bus': Fault('duration of a frame exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
     'swapped_channels': Fault(
         "the board's two motors, with their encoders, are swapped; inject the fault again "
         'to swap them back',
         _swapped_channels,
     ),
     'wrong_sign': Fault(
-        'a motor turns its joint in the wrong direction; inject it again to end it', _wrong_sign
+        'a motor turns its joint in the wrong direction; inject the fault again to end it',
+        _wrong_sign,
     ),
     'wrong_ratio': Fault(
         'motor turns per joint turn of the installed gear', _wrong_ratio, 27.0, 1.0, 1e4
@@ -229,7 +230,11 @@ FAULTS: dict[str, Fault] = {
         'fraction of the requested current that a motor receives', _weak_driver, 0.5, 0.0, 1.0
     ),
     'high_friction': Fault(
-        "factor on the dry friction of a motor's joint", _high_friction, 5.0, 0.0, 100.0
+        "factor by which the dry friction of a motor's joint changes",
+        _high_friction,
+        5.0,
+        0.0,
+        100.0,
     ),
     'power_cycle': Fault(
         'end all faults of the board and switch its supply off and on', _power_cycle
@@ -245,7 +250,7 @@ FORM = 'NAME[:BOARD[:MOTOR[:VALUE]]]'
 
 @dataclass(frozen=True)
 class FaultRequest:
-    """Request to inject a fault with a strength into a board and motor; see `inject`.
+    """Request to inject a fault of a given strength into a board or motor; see `inject`.
 
     Attributes
     ----------

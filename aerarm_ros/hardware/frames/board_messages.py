@@ -1,4 +1,4 @@
-"""Content of the SPI frames: commands to a board, states of a board, and the CRC."""
+"""Content of the SPI frames: command to a board, state of a board, and checksum (CRC)."""
 
 import zlib
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ def _flags() -> list[bool]:
 
 @dataclass(slots=True)
 class BoardCommand:
-    """Content of a command frame in SI units on the motor side; lists hold motors 1 and 2.
+    """Content of a command frame, in SI units on the motor side; lists are for motors 1 and 2.
 
     The board computes ``iq = kp (position - theta) + kd (velocity - omega) + current`` (thesis
     (4.4)) and saturates it. If the frame profile has an integral gain, the board adds
@@ -64,7 +64,7 @@ def _measured_pair() -> list[float]:
 
 @dataclass(slots=True)
 class BoardState:
-    """Content of a sensor frame in SI units on the motor side; lists hold motors 1 and 2.
+    """Content of a sensor frame, in SI units on the motor side; lists are for motors 1 and 2.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ _BIT_REVERSED = bytes(int(f'{byte:08b}'[::-1], 2) for byte in range(256))
 
 
 def crc32_mpeg2(data: bytes) -> bytes:
-    """Return the CRC-32/MPEG-2 of bytes: polynomial 0x04C11DB7, initial value all ones.
+    """Return the checksum CRC-32/MPEG-2 of bytes: polynomial 0x04C11DB7, initial value all ones.
 
     The CRC-32 of zlib uses the same polynomial and initial value, but processes the bits of each
     byte in reverse order and inverts the result. Reversing the bits before and after it therefore

@@ -1,4 +1,4 @@
-"""Encoding and decoding of SPI frames, with the records `BoardCommand` and `BoardState`."""
+"""Encoding and decoding of SPI frames, as records `BoardCommand` and `BoardState`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Record = BoardCommand | BoardState
 def unrolled_encoder(
     fields: Iterable[FrameField], slots: Mapping[int, int], packer: Struct
 ) -> Callable[[Record], bytes | None]:
-    """Return a function that encodes a record as payload if all values fit their fields.
+    """Generate a function that encodes a record as payload if all values fit their fields.
 
     The function returns None if a value does not fit, is not a number, or is a forbidden 0; the
     caller then finds the faulty value.
@@ -69,7 +69,7 @@ def unrolled_encoder(
 def unrolled_decoder(
     fields: Iterable[FrameField], slots: Mapping[int, int], packer: Struct
 ) -> Callable[[Record, bytes], None]:
-    """Return a function that decodes a payload into a record."""
+    """Generate a function that decodes a payload into a record."""
     used = sorted({slots[field.word] for field in fields})
     names = [f'i{slot}' if slot in used else '_' for slot in sorted(set(slots.values()))]
     lines = ['def fill(record, payload):', f' {", ".join(names)}, = unpack(payload)']
@@ -88,18 +88,18 @@ def unrolled_decoder(
 
 
 def _lists(record: str, fields: Iterable[FrameField]) -> list[str]:
-    """Return source lines that bind each list attribute of the record to a local variable."""
+    """Return source lines that assign each list attribute of the record to a local variable."""
     names = dict.fromkeys(field.name for field in fields if field.motor)
     return [f' {name} = {record}.{name}' for name in names]
 
 
 def _value(field: FrameField) -> str:
-    """Return the source expression of the record's attribute that a field carries."""
+    """Return the source expression for the record's value that a field carries."""
     return f'{field.name}[{field.motor - 1}]' if field.motor else f'record.{field.name}'
 
 
 def _made(name: str, lines: list[str], known: Mapping[str, object]) -> Callable[..., Any]:
-    """Compile source lines and return the function `name` in them; `known` holds its globals."""
+    """Compile source lines; return their function `name`, which has the globals `known`."""
     # From the text of a frame profile, the source contains only integers and attribute names of
     # the records; `load_profile` has checked both.
     scope: dict[str, Any] = dict(known)
@@ -113,11 +113,11 @@ _PAYLOAD_BYTES = 2 * PAYLOAD_WORDS
 
 
 class FrameError(ValueError):
-    """A frame cannot represent a value of the record; the message names the value."""
+    """Error: a frame cannot represent a value of the record; the message names the value."""
 
 
 class FrameCodec:
-    """Encoder and decoder for the frames of a frame profile, on the host and emulated boards.
+    """Encoder and decoder for the frames of a profile, used by host and emulated boards.
 
     Encoding limits a value that its field cannot represent, unless a limited value is dangerous. A
     position out of range, a non-finite value, and a time-out or current saturation of zero or less
@@ -129,11 +129,11 @@ class FrameCodec:
         self._sensor = _LayoutCodec(profile.sensor)
 
     def encode(self, command: BoardCommand) -> bytes:
-        """Return the frame (34 bytes) of a command; raise FrameError if a value does not fit."""
+        """Encode a command as frame (34 bytes); raise FrameError if a value does not fit."""
         return self._command.encode(command)
 
     def decode(self, frame: bytes, into: BoardState | None = None) -> BoardState | None:
-        """Return the board state in a sensor frame, or None if its length or CRC is wrong.
+        """Decode the board state from a sensor frame; return None if length or CRC is wrong.
 
         With `into`, that record is filled and returned; an invalid frame leaves it unchanged.
         """
@@ -145,11 +145,11 @@ class FrameCodec:
         return state
 
     def encode_state(self, state: BoardState) -> bytes:
-        """Return the sensor frame that an emulated board sends, or raise FrameError."""
+        """Encode an emulated board's sensor frame; raise FrameError if a value does not fit."""
         return self._sensor.encode(state)
 
     def decode_command(self, frame: bytes, into: BoardCommand | None = None) -> BoardCommand | None:
-        """Return the command as a board decodes it from a frame; arguments as in `decode`."""
+        """Decode a command frame, as a board does; for the arguments see `decode`."""
         payload = self._command.payload(frame)
         if payload is None:
             return None
@@ -175,12 +175,12 @@ class _LayoutCodec:
         self.fill = unrolled_decoder(layout.fields, self._slots, self._struct)
 
     def encode(self, record: Record) -> bytes:
-        """Return the frame of a record; raise FrameError if a value does not fit."""
+        """Encode a record as frame; raise FrameError if a value does not fit."""
         payload = self._pack(record) or self._pack_limited(record)
         return payload + self._crc(payload)
 
     def _pack_limited(self, record: Record) -> bytes:
-        """Return the payload of a record whose values are limited to their fields' ranges."""
+        """Encode a record as payload, with values limited to the ranges of their fields."""
         items = [0] * len(self._slots)
         for entry in self._fields:
             value = getattr(record, entry.name)
@@ -202,7 +202,7 @@ class _LayoutCodec:
         return self._struct.pack(*items)
 
     def payload(self, frame: bytes) -> bytes | None:
-        """Return the payload of a frame, None if the frame's length or CRC is wrong."""
+        """Return the payload of a frame; None if the frame's length or CRC is wrong."""
         if len(frame) != FRAME_BYTES:
             return None
         payload = frame[:_PAYLOAD_BYTES]
@@ -210,13 +210,13 @@ class _LayoutCodec:
 
 
 def _swapped_crc(payload: bytes) -> bytes:
-    """Return the CRC of a payload with its two words in reverse order."""
+    """Return the CRC of a payload, with the two words of the CRC in reverse order."""
     crc = crc32_mpeg2(payload)
     return crc[2:] + crc[:2]
 
 
 def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:
-    """Return the struct of the payload, and the index of its item that starts at each word."""
+    """Return the payload's struct, and per 16-bit word the index of the item that begins there."""
     whole = {entry.word: entry for entry in layout.fields if not entry.is_bits}
     codes: list[str] = []
     slots: dict[int, int] = {}
@@ -230,7 +230,7 @@ def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:
 
 
 def _limited(count: int, value: float, entry: FrameField) -> int:
-    """Return a field's count limited to the range of the field, or raise FrameError."""
+    """Return a count limited to its field's range; raise FrameError where that is dangerous."""
     lowest, highest = entry.count_range
     if entry.nonzero and count <= 0:
         raise FrameError(

@@ -1,4 +1,4 @@
-"""Frame profile: layout of the SPI frames of a board type, read from a YAML file."""
+"""Frame profile: layout of a board type's SPI frames, read from a YAML file."""
 
 import re
 from collections.abc import Mapping
@@ -41,7 +41,7 @@ OVERFLOW_POLICIES = ('saturate', 'refuse')
 
 
 class ProfileError(ValueError):
-    """Invalid frame profile; the message names the entry to check."""
+    """Error: a frame profile is invalid; the message names the entry to check."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class FrameField:
 
     @property
     def is_bits(self) -> bool:
-        """Whether the frame field is a bit field inside a 16-bit word."""
+        """Whether the field is a bit field inside a 16-bit word of the frame."""
         return self.type == 'bits'
 
     @property
@@ -132,7 +132,7 @@ class FrameField:
 
     @property
     def is_count(self) -> bool:
-        """Whether the value is a plain unsigned integer, such as an index or a flag."""
+        """Whether the field's value is a plain unsigned integer, such as an index or a flag."""
         return self.unit == '1' and self.lsb == 1.0 and self.count_range[0] == 0
 
     @property
@@ -147,7 +147,7 @@ class FrameField:
 
     @property
     def label(self) -> str:
-        """Name of the field with its motor, for error messages."""
+        """Name of the field with its motor number, for error messages."""
         return f'{self.name} of motor {self.motor}' if self.motor else self.name
 
 
@@ -162,7 +162,7 @@ _FIELD_KEYS = frozenset(item.name for item in fields(FrameField))
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """Layout of command frames or sensor frames: fields, and order of the two CRC words."""
+    """Layout of the frames of one direction: fields, and order of the two CRC words."""
 
     fields: tuple[FrameField, ...]
     crc_words: str
@@ -188,12 +188,12 @@ class FrameLayout:
         return any(entry.name == name for entry in self.fields)
 
     def largest(self, name: str) -> float:
-        """Return the largest SI value of a quantity in a frame, 0 if the frame lacks it."""
+        """Return a quantity's largest SI value in a frame, 0 if the frame has no such field."""
         sizes = [e.count_range[1] * e.si_per_count for e in self.fields if e.name == name]
         return min(sizes, default=0.0)
 
     def count_of(self, name: str) -> float:
-        """Return the SI value of one count of a quantity, 0 if the frame lacks it."""
+        """Return the SI value of one count of a quantity, 0 if the frame has no such field."""
         return max((e.si_per_count for e in self.fields if e.name == name), default=0.0)
 
 
@@ -226,13 +226,13 @@ class FrameProfile:
             raise ProfileError(f'encoders is {self.encoders!r}: choose one of {ENCODERS}')
 
     def error_text(self, code: int) -> str:
-        """Return the meaning of a board's error code and what to check."""
+        """Return a text with the meaning of a board's error code and what to check."""
         name, advice = self.errors.get(code, ('unknown', 'see the list of errors of the firmware'))
         text = f'error {code} ({name}): {advice}'
         return f'{text}; then power-cycle it' if self.errors_until_power_cycle else text
 
     def with_lsb(self, name: str, lsb: float) -> 'FrameProfile':
-        """Return this profile with another value of one count (`lsb`) for a quantity.
+        """Return a copy of this profile with another value per count (`lsb`) of a quantity.
 
         Raises ProfileError if the profile does not contain the quantity.
         """
@@ -282,7 +282,7 @@ def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
 
 
 def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
-    """Return the content of a profile file, merged with the profile that it extends."""
+    """Return the content of a profile file, merged with the profile named in its key 'extends'."""
     if depth > _MOST_EXTENDED:
         raise ProfileError(
             f"frame profile {name_or_path} extends itself, or the chain of 'extends' is too long"
@@ -313,7 +313,7 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
 
 
 def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
-    """Return profile `base`, in which fields of `document` replace the fields that they overlap."""
+    """Return the profile `base` with the fields of `document`, which replace overlapping ones."""
     merged = {**base, **document}
     merged['errors'] = {**base.get('errors', {}), **document.get('errors', {})}
     for direction in ('command', 'sensor'):
@@ -360,7 +360,7 @@ def _field(entry: Mapping[str, Any]) -> FrameField:
 
 
 def _bits(entry: FrameField) -> range:
-    """Return the bit numbers, from the start of the frame, that a field occupies."""
+    """Return the numbers of the bits that a field occupies, from the start of the frame."""
     first = 16 * entry.word
     if entry.is_bits:
         return range(first + entry.bit, first + entry.bit + entry.width)

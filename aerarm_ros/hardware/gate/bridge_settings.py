@@ -8,7 +8,7 @@ from typing import ClassVar
 
 @dataclass(frozen=True)
 class BridgeSettings:
-    """Times and tolerances of the bridge, each within its bounds.
+    """Times and tolerances of the bridge; each value has bounds.
 
     Attributes
     ----------

@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 
 
 class CommandBuffer:
-    """Joint command of n joints; NaN marks an unused quantity.
+    """Joint command for n joints, in which NaN marks an unused quantity.
 
     In contrast to the `JointCommand` of a controller, each joint may use other quantities, and
     the arrays are reused: each received command overwrites them. The
@@ -50,7 +50,7 @@ Values = Sequence[float] | NDArray[np.float64] | None
 
 
 class OfferedCommand(NamedTuple):
-    """Received joint command with its publisher and age.
+    """Received joint command, with its publisher and its age.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ _STOP = 'stop all but one'
 
 
 class CommandPublishers:
-    """Determines the publisher of each command, and whether this publisher may send commands.
+    """Identifies the publisher of each command, and decides whether it may send commands.
 
     The middleware's message info contains the publisher's global identifier (GID); the list of the
     topic's endpoints maps each GID to a node. `look` stores that list at intervals. A publisher
@@ -111,12 +111,12 @@ class CommandPublishers:
         self._is_anonymous = False
 
     def look(self, nodes: Mapping[bytes, str]) -> None:
-        """Store the present publishers of joint_command: full node name of each GID."""
+        """Store the publishers of joint_command: the full node name per identifier (GID)."""
         self._nodes = nodes
         self.names = tuple(sorted(nodes.values()))
 
     def knows(self, gid: bytes | None) -> bool:
-        """Whether the last call of `look` listed a publisher; True if messages carry no GID."""
+        """Whether `look` has stored this publisher; always True if messages carry no GID."""
         return gid is None or gid in self._nodes
 
     def judge(self, gid: bytes | None, matched: int) -> tuple[Source, bool]:
@@ -150,7 +150,7 @@ class CommandPublishers:
 
     @property
     def warning(self) -> str:
-        """Warning about forbidden or duplicate publishers of joint_command, '' without any."""
+        """Warning about forbidden or duplicate publishers of joint_command; '' without such."""
         others = [name for name in self.names if not self.is_allowed(name)]
         if others:
             return (
@@ -164,7 +164,7 @@ class CommandPublishers:
             return (
                 f'{present}, and this ROS version does not report the sender of a message: {_STOP}'
             )
-        return f'{present}, the bridge follows the first sender: {_STOP}'
+        return f'{present}, so the bridge follows the first sender: {_STOP}'
 
 
 # Reasons for rejecting a command, and what to check.
@@ -177,11 +177,12 @@ REJECTIONS: dict[str, str] = {
     'source': 'another publisher is commanding the arm: stop one of the two',
     'names': 'the message does not name each joint of the arm once: compare with joint_states, '
     'and the tf_prefix of both nodes',
-    'length': 'an array of the message does not have one value per joint name',
+    'length': 'an array of the message does not have one value per joint name: check its publisher',
     'infinite': 'a value is infinite: check the controller',
     'nan': 'a joint has no reference at all (NaN everywhere): check the controller',
     'unsupported': (
-        'the frame profile has no feed-forward current, so the bridge cannot apply an effort'
+        'the frame profile has no feed-forward current, so the bridge cannot apply an effort: '
+        'use a controller without effort'
     ),
     'stale': (
         'the command responds to an old state: check the CPU load of the controller, and the clocks'
@@ -238,7 +239,7 @@ class CommandIntake:
         self._last = -inf
 
     def age(self, now: float) -> float:
-        """Return the time since the last accepted command was received [s]; inf without one."""
+        """Return the time [s] since the last accepted command arrived; inf without a command."""
         return now - self._received
 
     def is_fresh(self, now: float) -> bool:
@@ -252,7 +253,7 @@ class CommandIntake:
         self._source = None
 
     def conclude(self, now: float) -> None:
-        """Record that the publisher of the commands ends them on purpose at `now` [s].
+        """Record that the publisher of the commands ends them intentionally at `now` [s].
 
         Commands sent before this time still belong to that publisher. Later commands may come
         from any publisher.
@@ -261,11 +262,11 @@ class CommandIntake:
 
     @property
     def is_concluded(self) -> bool:
-        """Return whether the last publisher ended its commands on purpose."""
+        """Return whether the last publisher ended its commands intentionally."""
         return self._received <= self._last
 
     def offer(self, offered: OfferedCommand, now: float, *, ready: bool = True) -> bool:
-        """Accept a command received at `now` [s] if it is valid; return whether it is."""
+        """Check a command received at `now` [s]; return whether it is valid and accepted."""
         reason = '' if ready else 'not_ready'
         reason = reason or ('' if offered.allowed else 'not_allowed')
         reason = reason or self._origin_fault(offered.age_of_stamp, now, offered.source)
@@ -286,7 +287,7 @@ class CommandIntake:
         self.last_rejection_time = now
 
     def _origin_fault(self, age_of_stamp: float, now: float, source: Source) -> str:
-        """Return the reason to reject a command for its age or publisher, or ''."""
+        """Return the reason if age or publisher of a command forbid it, otherwise ''."""
         # Other publishers are rejected while the last command of a publisher is valid.
         if source is None or (source != self._source and self.is_fresh(now)):
             return 'source'
@@ -295,7 +296,7 @@ class CommandIntake:
         return 'future' if age_of_stamp < -_CLOCK_TOLERANCE else ''
 
     def _content_fault(self, offered: OfferedCommand) -> str:
-        """Copy the values of a command; return the reason to reject the command, or ''."""
+        """Copy the values of a command; return the reason if one is invalid, otherwise ''."""
         names = offered.names
         key = names if type(names) is tuple else tuple(names)
         if key not in self._orders and not self._learn_order(key):
@@ -333,7 +334,7 @@ class CommandIntake:
         return ''
 
     def _learn_order(self, names: tuple[str, ...]) -> bool:
-        """Store the index of each arm joint in `names`; return False if a joint is missing."""
+        """Store, per joint of the arm, its index in `names`; return False if a joint is missing."""
         if len(names) != len(self._names) or set(names) != set(self._names):
             return False
         if len(self._orders) >= _ORDERS_KEPT:

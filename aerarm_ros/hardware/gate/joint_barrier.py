@@ -1,4 +1,4 @@
-"""Barrier of a joint: torque bounds that keep the joint within its position and speed limits."""
+"""Barrier of a joint: torque bounds that keep the joint within position and speed limits."""
 
 from math import exp, nan, sqrt
 
@@ -84,7 +84,7 @@ class JointLoads:
 
     @property
     def damping_min(self) -> Array:
-        """Damping (n,) [Nms/rad] that keeps a falling arm slow; see the class attributes."""
+        """Damping (n,) [Nms/rad] that keeps a falling arm slow; see the attributes of the class."""
         falling = self.load_max / (_FALLING_SHARE * self._velocity_max)
         least: Array = np.maximum(falling, self.inertia_max / _DAMPING_TIME)
         return least
@@ -285,23 +285,23 @@ class JointBarrier:
         self.restart()
 
     def restart(self) -> None:
-        """Reset the estimate of the joint's motion; the next measured speed is not corrected."""
+        """Reset the estimate of the joint's motion; the next measured speed is used as it is."""
         self._is_known = False  # previous speed and load
         self._fastest = self._unhindered
         self._disturbance = self._turned = 0.0
 
     @property
     def is_slowed(self) -> bool:
-        """Whether the joint's speed limit is lowered for another joint or for its warm motor."""
+        """Whether the speed limit is lowered, for another joint's sake or for its warm motor."""
         return self._fastest < self._unhindered or self._allowed < self._unhindered
 
     def lower_speed_limit(self, interval: float) -> None:
-        """Lower the joint's speed limit for one `interval` [s]: its motion overloads a joint."""
+        """Lower the speed limit by the step of one `interval` [s], as a joint is overloaded."""
         least = _GIVE_WAY_SHARE * self._unhindered
         self._fastest = max(self._fastest - self._unhindered * interval / _GIVE_WAY_TIME, least)
 
     def recover(self, interval: float) -> None:
-        """Raise a lowered speed limit of the joint again for one `interval` [s]."""
+        """Move a lowered speed limit towards its normal value, by the step of one `interval`."""
         if self._fastest > self._allowed:
             less = self._fastest - self._unhindered * interval / _GIVE_WAY_TIME
             self._fastest = max(less, self._allowed)
@@ -310,7 +310,7 @@ class JointBarrier:
         self._fastest = min(more, self._allowed)
 
     def limit_speed(self, sinks: bool) -> None:
-        """Set the allowed speed: a small fraction of the limit if the overloaded joint sinks."""
+        """Set the allowed speed: the limit, or a small fraction if the overloaded joint sinks."""
         self._allowed = (_SINKING_SHARE if sinks else 1.0) * self._unhindered
 
     def speed(self, distance: float) -> float:
@@ -387,7 +387,7 @@ class JointBarrier:
         self.is_overwhelmed = self.lowest > most or self.highest < -most
 
     def _predict(self, acceleration: float, q: float, dq: float, age: float, gain: float) -> None:
-        """Predict the present joint state from the last measurement, and compute the bounds."""
+        """Predict the present joint state from the last measurement; compute torque bounds."""
         # After a pause of the host, the torque that the board has produced is unknown.
         gained = (_APART if age > _APART else age) * acceleration
         mean = self._speed + 0.5 * gained
@@ -401,7 +401,7 @@ class JointBarrier:
     def gap_damping(
         self, torque: float, law: float = 0.0, stiffness: float = 0.0, damping: float = 0.0
     ) -> float:
-        """Return the board damping [Nms/rad] that limits the speed if no later command arrives.
+        """Return the board damping [Nms/rad] that limits the speed while commands are missing.
 
         The result is 0 if the joint stays slow enough until `board_timeout` without additional
         damping: because the torque is small, the board's own damping ends the motion, or the
@@ -445,7 +445,7 @@ class JointBarrier:
         return min(needed, _GAP_FASTEST * inertia) if needed else 0.0
 
     def mean_filtered(self, torque: float) -> float:
-        """Return the mean filtered speed [rad/s] during a cycle in which a torque [Nm] acts."""
+        """Return the mean filtered speed [rad/s] in a cycle with a given torque [Nm]."""
         cycle = self._cycle
         time = cycle / self._lag
         followed = 1.0 - (1.0 - self._share_kept(cycle)) / time
@@ -479,13 +479,13 @@ class JointBarrier:
         return mean + age * self._acceleration
 
     def _share_kept(self, time: float) -> float:
-        """Return the fraction of the old speed that the board's filter keeps after `time` [s]."""
+        """Return the weight of the old speed in the board's low-pass filter after `time` [s]."""
         if not abs(time - self._kept_time) < 1e-7:  # stored, because most cycles have equal length
             self._kept, self._kept_time = exp(-time / self._lag), time
         return self._kept
 
     def _bound(self, distance: float, speed: float, gain: float, inertia: float) -> float:
-        """Return the largest allowed torque [Nm] towards a limit, in excess of the load."""
+        """Return the largest torque [Nm] allowed towards a limit, in addition to the load."""
         if distance >= self.far and not self.is_released:  # the usual case
             return gain * (self._fastest - speed)
         allowed = self.speed(distance)

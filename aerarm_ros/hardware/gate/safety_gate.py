@@ -34,7 +34,7 @@ _SLOWEST_SHARE = 0.005
 
 
 class JointLimiter:
-    """Limits the references of a joint, and detects references for which the arm must stop.
+    """Limits the references of a joint, and detects references that require a stop.
 
     References towards a position limit are slowed to just below the speed from which the joint can
     still brake. The `barrier` in turn limits the actual motion of the joint.
@@ -92,16 +92,16 @@ class JointLimiter:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the last references; later references start from the measured position."""
+        """Discard the last references, so that later ones start from the measured position."""
         self._last_position = nan
         self._last_effort = 0.0
 
     def is_inside(self, q: float) -> bool:
-        """Return whether a joint angle [rad] is within its limits, tolerance included."""
+        """Return whether a joint angle [rad] is within its limits or their tolerance."""
         return self._lowest <= q <= self._highest
 
     def state_violation(self, q: float, dq: float) -> str:
-        """Return why the joint's position [rad] or velocity [rad/s] requires a stop, or ''."""
+        """Return a text if position [rad] or velocity [rad/s] require a stop, otherwise ''."""
         if not self._lowest <= q <= self._highest:
             return (
                 f'{self._name} is at {q:.3f} rad, outside its limits {self._position_min:.3f} to '
@@ -116,7 +116,7 @@ class JointLimiter:
         return ''
 
     def command_violation(self, position: float, velocity: float, effort: float, q: float) -> str:
-        """Return why a command requires a stop of the arm, or ''; unused references are NaN."""
+        """Return a text if a command requires a stop, otherwise ''; NaN is an unused reference."""
         what = ''
         if position == position and not self.is_inside(position):
             what = f'a position of {position:.3f} rad, outside its limits'
@@ -131,7 +131,7 @@ class JointLimiter:
         return what and f'{self._name} was commanded {what}: check the controller'
 
     def limit(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
-        """Limit references for a joint that is at q [rad], dt [s] after the last call."""
+        """Limit the references of a joint at q [rad]; the last call was dt [s] before."""
         self.limited.clear()
         self.position = position if position != position else self._position(position, q, dt)
         self._last_position = self.position
@@ -178,7 +178,7 @@ class JointLimiter:
         return self._held(effort, last - step, last + step, 'effort_rate')
 
     def _held(self, value: float, lowest: float, highest: float, name: str) -> float:
-        """Return a reference clipped to bounds; record `name` if this changed the reference."""
+        """Clip a reference to bounds; record the limit `name` if this changes the reference."""
         if lowest <= value <= highest:
             return value
         self.limited.append(name)
@@ -193,7 +193,7 @@ _INTERVAL_MAX = 5e-3
 
 
 class SafetyGate:
-    """Limits joint commands, and stops the arm if a command or joint is far beyond its limits.
+    """Limits joint commands, and stops the arm if a command or joint is far beyond a limit.
 
     A command slightly over a limit is limited and counted. A command far over a limit is a
     violation, and so is a joint that leaves its position or speed range. After a violation `stop`
@@ -244,7 +244,7 @@ class SafetyGate:
         self.inertias: list[float] = []
 
     def trip(self, reason: str) -> None:
-        """Stop the arm until `release`; the reason of an earlier stop is kept."""
+        """Stop the arm until `release`; keep the reason of an earlier stop."""
         if not self.stop:
             self.stop = reason
 
@@ -254,26 +254,26 @@ class SafetyGate:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the last references; later references start from the arm's position."""
+        """Discard the last references, so that later ones start from the arm's position."""
         for joint in self._joints:
             joint.restart()
         # The barriers keep their state: they monitor the arm and not the commands.
 
     def is_inside(self, q: Array) -> bool:
-        """Return whether all joint angles (n,) [rad] are within limits, tolerance included."""
+        """Return whether all joint angles (n,) [rad] are within their limits or tolerances."""
         return all(
             joint.is_inside(value) for joint, value in zip(self._joints, q.tolist(), strict=True)
         )
 
     def state_violation(self, q: Array, dq: Array) -> str:
-        """Return which joint is beyond its limits at q [rad], dq [rad/s] and why, or ''."""
+        """Return a text if a joint is beyond its limits at q [rad] and dq [rad/s], or ''."""
         for joint, angle, speed in zip(self._joints, q.tolist(), dq.tolist(), strict=True):
             if violation := joint.state_violation(angle, speed):
                 return violation
         return ''
 
     def alignment_refusal(self, q: Array, dq: Array) -> str:
-        """Return why motors may not align at q [rad] and dq [rad/s], (n,) each, or ''."""
+        """Return a text if the motors may not align at q [rad] and dq [rad/s], otherwise ''."""
         if not self.is_inside(q):
             return (
                 f'joints at {np.round(q, 3)} rad are outside their limits: move the arm back '
@@ -326,7 +326,7 @@ class SafetyGate:
             self._slow(overwhelmed, max(interval))
 
     def _slow(self, overwhelmed: int, interval: float) -> None:
-        """Lower the speed limits of other joints for one `interval` [s] if a drive cannot brake.
+        """Lower the speed limits of other joints by a step if a drive cannot brake its joint.
 
         An example: in an arm with payload, joint 1 at full speed loads joint 2 outward with more
         torque than the drive of joint 2 has.
@@ -338,7 +338,7 @@ class SafetyGate:
                 barrier.recover(interval)
 
     def limit_effort(self, joint: int, effort: float) -> None:
-        """Set the largest effort [Nm] that a command may request; `joint` is the joint's number."""
+        """Set the largest effort [Nm] that a command may request from the joint of this number."""
         self._joints[joint].effort_limit = effort
 
     def reset_barriers(self) -> None:
@@ -347,7 +347,7 @@ class SafetyGate:
             barrier.restart()
 
     def note_braking(self, now: float) -> None:
-        """Count that a barrier braked a joint at the time `now` [s]."""
+        """Count an intervention of a barrier, which braked a joint at the time `now` [s]."""
         self._note('braking', now)
 
     def follow(
@@ -403,7 +403,7 @@ class SafetyGate:
         return is_braked
 
     def _faster_than(self, share: float, dq: Array) -> str:
-        """Return a text that names the joints faster than a fraction of their limits, or ''."""
+        """Return a text that names joints faster than `share` of their speed limit, or ''."""
         moving = [
             f'{joint.name} moves at {abs(speed):.2f} rad/s'
             for joint, speed in zip(self._config.joints, dq.tolist(), strict=True)

@@ -21,11 +21,11 @@ _WAIT_MIN, _WAIT_MAX = 0.2, 5.0
 
 
 class TransportError(OSError):
-    """An SPI bus cannot be opened; the message states what to check."""
+    """Error: an SPI bus cannot be opened; the message states what to check."""
 
 
 class SpidevDevice:
-    """SPI device of Linux (`/dev/spidev*`), reopened automatically after it was removed.
+    """SPI device of Linux (`/dev/spidev*`), which is reopened after a removal.
 
     A removed device, for example an unplugged adapter or a reloaded driver, leaves an open file on
     which every transfer fails. Transfers on that file also fail after the device has returned.
@@ -73,7 +73,7 @@ class SpidevDevice:
         self._is_wanted = True
 
     def close(self) -> None:
-        """Close the device finally; further calls are allowed."""
+        """Close the device without reopening it; all methods may still be called."""
         self._is_wanted = False
         self._reason = 'the SPI transport is not open'
         self._drop()
@@ -204,7 +204,7 @@ class SpidevTransport:
         return self._devices[board].ended
 
     def problem(self, board: int) -> str:
-        """Reason why the last frame exchange with a board failed, '' if it succeeded."""
+        """Reason why the last frame exchange with a board failed; '' after a success."""
         return self._devices[board].problem
 
     def set_mode(self, board: int, mode: int) -> None:
@@ -224,7 +224,7 @@ def self_test(
     profile: FrameProfile,
     pause: Callable[[float], None] = sleep,
 ) -> list[Answer]:
-    """Check the connection to each board by frames that leave its motors off.
+    """Check the connection to each board with frames that leave the board's motors off.
 
     Documents and existing clients disagree on the boards' SPI mode. If a board gives no valid
     answer in the configured mode, the other modes are tried and the message names the working one;
@@ -274,8 +274,12 @@ def _test_board(
         works = mode != board.mode and _count_good(transport, number, codec, pause) > 0
         transport.set_mode(number, board.mode)
         if works:
-            return Answer(False, f'{result}, but mode {mode} works: set mode: {mode} for it')
-    return Answer(False, f'{result}, and no other mode works: check its supply and the SPI wires')
+            return Answer(
+                False, f'{result}, but mode {mode} works: set the key mode of this board to {mode}'
+            )
+    return Answer(
+        False, f'{result}, and no other mode works: check the supply of the board and the SPI wires'
+    )
 
 
 def _count_good(

@@ -136,7 +136,7 @@ def test_an_arm_that_lags_stops_the_motion_where_it_is(follower, limits) -> None
 def test_a_missed_goal_is_reported(follower, limits) -> None:
     follower.go_to(AWAY, 0.0)
     play(follower, 4.0, lag=0.02)
-    assert follower.outcome.startswith('goal missed: joint1 0.02')
+    assert follower.outcome.startswith('goal missed: joint1 is 0.02')
 
 
 def test_rejected_input_changes_nothing(follower, limits) -> None:

@@ -78,7 +78,7 @@ def test_an_arm_that_leaves_the_path_aborts_the_goal_and_holds_where_it_is(
     arm.lag = np.array([0.0, 0.0, 0.25, 0.0])
     arm.run(CYCLE)
     assert only(arm) == ('a', ABORTED, ResultCode.PATH_TOLERANCE_VIOLATED)
-    assert 'stopped: joint3 0.25' in arm.ended[0][1].text
+    assert 'stopped: joint3 is 0.25' in arm.ended[0][1].text
     assert arm.follower.status == 'holding'
 
 
@@ -89,7 +89,7 @@ def test_an_arm_that_does_not_reach_the_goal_in_time_aborts_it(arm: FollowingArm
     assert arm.ended == []
     arm.run(0.1)
     assert only(arm) == ('a', ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED)
-    assert 'joint1 0.05 rad off' in arm.ended[0][1].text
+    assert 'joint1 is 0.05 rad off' in arm.ended[0][1].text
 
 
 def test_an_arm_that_comes_within_the_goal_time_succeeds(arm: FollowingArm) -> None:

@@ -65,5 +65,5 @@ def test_the_mode_that_works_is_named(try_bus, mode):
 
 def test_bad_wires(try_bus):
     assert 'shorten the cable' in try_bus(working_mode=0, share=0.5)[0].message
-    assert 'check its supply' in try_bus(working_mode=7)[1].message
+    assert 'check the supply' in try_bus(working_mode=7)[1].message
     assert 'Input/output error' in try_bus(working_mode=0, problem='Input/output error')[0].message

@@ -52,7 +52,7 @@ def test_more_than_one_publisher_is_a_warning():
     assert publishers.names == ('/a', '/b')
     publishers.judge(FIRST, 2)
     assert publishers.warning == (
-        'joint_command has 2 publishers (/a, /b), the bridge follows the first sender: '
+        'joint_command has 2 publishers (/a, /b), so the bridge follows the first sender: '
         'stop all but '
         'one'
     )

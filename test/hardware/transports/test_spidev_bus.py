@@ -76,7 +76,7 @@ def test_a_board_of_the_other_mode_is_found_by_the_self_test(boards):
     report = use(boards)
     assert report['self_test'][0][0]
     assert not report['self_test'][1][0]
-    assert 'but mode 1 works: set mode: 1' in report['self_test'][1][1]
+    assert 'but mode 1 works: set the key mode of this board to 1' in report['self_test'][1][1]
     assert report['before']['good'] == [COUNT, 0]
     assert boards.report()[1]['mode'] == 0
 
