@@ -72,7 +72,7 @@ PARAMETERS = ParameterTable(
     Parameter('state_timeout', 0.2,
         'time without joint_states after which the node aborts the motion', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0,
-        'time limit until the arm is ready and all subscribers are connected', 's', 0.1, 3600.0),
+        'longest wait until the arm is ready and all subscribers are connected', 's', 0.1, 3600.0),
     Parameter('subscribers', 1, (
         'number of subscribers that joint_command and joint_states must have before the motion '
         'starts; 2 with a recorder'

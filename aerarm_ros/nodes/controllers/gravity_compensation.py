@@ -31,7 +31,8 @@ PARAMETERS = controller_parameters(
     Parameter('hand_guiding', False,
         'whether the gains fade to zero, so that a person can move the arm by hand', live=True),
     Parameter('hand_friction', 0.7,
-        'fraction of the joint friction that the controller compensates during hand guiding',
+        'fraction of the modelled joint friction that the controller compensates during hand '
+        'guiding',
         '', 0.0, 0.95),
 )  # fmt: skip
 

@@ -73,8 +73,8 @@ PARAMETERS = controller_parameters(
             'position goal leaves free'
         ), '', 0.0, 100.0),
         Parameter('posture', [], (
-            'null-space joint configuration, in the middle of the reach; the initial '
-            'configuration if empty'
+            'joint configuration, in the middle of the reach, that the null-space motion '
+            'approaches; the initial configuration if empty'
         ), 'rad', -7.0, 7.0,
                   element=float),
         Parameter('posture_kp', _GAINS.posture_kp,
@@ -84,7 +84,8 @@ PARAMETERS = controller_parameters(
         Parameter('singular_threshold', 0.06,
             'singular value of the generalized Jacobian below which its inverse is damped',
             'm/rad', 1e-4, 1.0),
-        Parameter('singular_damping', 0.03, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
+        Parameter('singular_damping', 0.03, 'damping of the inverse Jacobian at a singularity',
+        'm/rad', 1e-4, 1.0),
         Parameter('error_max', 0.05,
             'tool position error at which the controller stops the tool relative to the base',
                   'm', 1e-3, 1.0),
@@ -127,8 +128,8 @@ PARAMETERS = controller_parameters(
     *grouped(
         'Set point for the drone',
         Parameter('request_drone', False,
-            'publish on flight_set_point the drone position at which the arm is in the middle of '
-            'its reach'),
+            'whether the node publishes on flight_set_point the drone position at which the '
+            'arm is in the middle of its reach'),
         Parameter('request_speed', 0.05, "velocity at which the drone's set point moves",
         'm/s', 1e-3, 1.0),
         Parameter('request_deadband', 0.03,

@@ -186,12 +186,7 @@ BRIDGE_PARAMETERS = (
         for name, what, unit, maximum in (
             ('board_kp', 'position gain', 'A/rad', 100.0),
             ('board_kd', 'velocity gain (large enough to slow a falling arm)', 'A s/rad', 10.0),
-            (
-                'board_ki',
-                'integral gain (only with a board profile that has one)',
-                'A/(rad s)',
-                1000.0,
-            ),
+            ('board_ki', 'integral gain (if the board profile has one)', 'A/(rad s)', 1000.0),
         )
     ),
     *(

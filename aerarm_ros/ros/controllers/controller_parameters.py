@@ -146,8 +146,8 @@ PAYLOAD = 'payload.inertial_parameters'
 PAYLOAD_PARAMETER = Parameter(
     PAYLOAD,
     [],
-    'ten inertial parameters (3.3) of the payload at the last link, in the frame of the last '
-    'joint, as in payload.yaml; no payload if empty',
+    'ten inertial parameters, thesis (3.3), of the payload at the last link, in the frame of '
+    'the last joint, as in payload.yaml; no payload if empty',
     'kg, kg m, kg m^2',
     -100.0,
     100.0,
@@ -240,7 +240,8 @@ FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
         'no limit',
         's', 0.0, 60.0),
     Parameter('allow_partial_joints_goal', True,
-        'accept trajectories that omit joints; the omitted joints hold their positions'),
+        'whether the controller accepts trajectories that omit joints; omitted joints hold '
+        'their positions'),
     Parameter('stream_timeout', 0.1,
         'time without a new point of a stream after which the controller stops the motion',
         's', 0.005, 10.0),

@@ -54,9 +54,9 @@ LOAD_PARAMETERS = grouped(
         'drone'
     ), 's', 0.0, 0.09, live=True),
     Parameter('measured_motion', True, (
-        'use the measured joint motion if planned_motion is missing and the motors hold the '
-        'arm. Set this parameter to false with world_control, which makes the arm react to the '
-        'drone, so that the feed-forward would close a feedback loop'
+        'whether the node uses the measured joint motion if planned_motion is missing and the '
+        'motors hold the arm. Set this parameter to false with world_control, which makes the '
+        'arm react to the drone, so that the feed-forward would close a feedback loop'
     )),
     Parameter('acceleration_at', MOUNT, (
         'reference point of feedforward_acceleration, in body axes: the base_link of the arm '

@@ -85,9 +85,9 @@ FLIGHT_PARAMETERS = (
     *grouped(
         'Control loops of PX4',
         Parameter(
-            'loops', OWN, "control loops of the drone: this node's; px4, an imitation of PX4's "
-                          'loops; px4_sitl, ardupilot_sitl or betaflight, the firmware as a '
-                          'program on this host',
+            'loops', OWN, 'control loops of the drone. own: those of this node; px4: an '
+                          "imitation of PX4's loops; px4_sitl, ardupilot_sitl, betaflight: the "
+                          'firmware as a program on this computer',
             choices=(OWN, PX4, PX4_SITL, ARDUPILOT_SITL, BETAFLIGHT),
         ),
         Parameter(
@@ -105,9 +105,11 @@ FLIGHT_PARAMETERS = (
                 "MPC_XY_VEL_I_ACC scale with this gain, as in PX4's defaults"
             ), '1/s', 0.1, 5.0,
         ),
-        Parameter('mc_att_p', Px4Gains.mc_att_p, 'MC_ROLL_P and MC_PITCH_P', '1/s', 0.5, 30.0),
+        Parameter('mc_att_p', Px4Gains.mc_att_p, "PX4's attitude gains MC_ROLL_P and "
+                                                 'MC_PITCH_P', '1/s', 0.5, 30.0),
         Parameter(
-            'mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K and MC_PITCHRATE_K', '', 0.1, 30.0
+            'mc_rate_k', Px4Gains.mc_rate_k, "PX4's angular rate gains MC_ROLLRATE_K and "
+                                             'MC_PITCHRATE_K', '', 0.1, 30.0
         ),
         Parameter(
             'mc_yawrate_p', Px4Gains.mc_yawrate_p,
@@ -115,7 +117,9 @@ FLIGHT_PARAMETERS = (
                 'whose yaw moment is much larger', '', 0.001, 10.0,
         ),
         Parameter(
-            'mc_yaw_tq_cutoff', Px4Gains.mc_yaw_tq_cutoff, 'MC_YAW_TQ_CUTOFF; 0 for no filter',
+            'mc_yaw_tq_cutoff', Px4Gains.mc_yaw_tq_cutoff, "PX4's MC_YAW_TQ_CUTOFF, cutoff "
+                                                           'frequency of the yaw torque; 0 for no '
+                                                           'filter',
             'Hz', 0.0, 10.0,
         ),
         Parameter(
@@ -130,9 +134,11 @@ FLIGHT_PARAMETERS = (
     *grouped(
         'Arm feed-forward',
         Parameter('feed_posture', True,
-            'compensate mass, centre of mass and inertia of the arm, from arm_inertia', live=True),
+            'whether the node compensates mass, centre of mass and inertia of the arm, which '
+            'it receives on arm_inertia', live=True),
         Parameter('feed_motion', True,
-            'compensate the motion of the joints, from base_wrench_motion', live=True),
+            'whether the node compensates the motion of the joints by the wrench that it '
+            'receives on base_wrench_motion', live=True),
         Parameter(
             'feed_lead', 0.028, (
                 'delay from a sensor sample to the response of the rotors; the preview time '

@@ -40,8 +40,9 @@ _CLOCK_TOLERANCE = 0.2
 
 
 FEED_PARAMETERS = (
-    Parameter('feed_lead', 0.03, 'delay from a set point to its effect; the preview time `lead` '
-                                 'of base_reaction must be at least this large', 's', 0.0, 0.06,
+    Parameter('feed_lead', 0.03, 'delay from sending a set point to its effect on the drone; '
+                                 'the preview time `lead` of base_reaction must be at least as '
+                                 'large', 's', 0.0, 0.06,
               live=True),
 )  # fmt: skip
 LOOP_PARAMETERS = grouped(
