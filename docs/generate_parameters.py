@@ -51,6 +51,7 @@ TITLES = {
     'frame': 'Cartesian targets',
     'friction_fraction': 'Trajectories and goals',
     'tracking_limit': 'Checks while a motion plays',
+    'firmware': 'Firmware of the autopilot',
     'period': 'Bridge',
     'rate': 'Set points for the autopilot',
 }

@@ -58,25 +58,28 @@ PARAMETERS = ParameterTable(
         'commanded quantities: joint velocity only, or position, velocity and effort',
         choices=(VELOCITY, FULL)),
     Parameter('position_gain', 1.0,
-        'gain K of the commanded velocity dq_d + K (q_d - q) in the mode velocity', '1/s',
+        'feedback gain K in the mode velocity, in which the node commands dq_d + K (q_d - q)',
+        '1/s',
         0.0, 20.0),
     Parameter('tracking_limit', 0.3,
         'position error |q_d - q| at which the node stops the arm', 'rad', 1e-3, 3.0),
     Parameter('damped_share_max', 0.01, (
-        'largest fraction of the motion in which the bridge may damp the arm because commands '
-        'arrive late; above it the exit status is 1'
+        'fraction of the motion during which the bridge may damp the arm because of late '
+        'commands; if exceeded, the exit status is 1'
     ), '', 0.0, 1.0),
-    Parameter('return_to_start', True, 'return to the initial posture at the end'),
+    Parameter('return_to_start', True, 'whether the arm returns to its initial posture at the '
+                                       'end'),
     Parameter('state_timeout', 0.2,
         'time without joint_states after which the node aborts the motion', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0,
-        'time limit until the arm is ready and all subscribers are connected', 's', 0.1, 3600.0),
+        'longest wait until the arm is ready and all subscribers are connected', 's', 0.1, 3600.0),
     Parameter('subscribers', 1, (
         'number of subscribers that joint_command and joint_states must have before the motion '
         'starts; 2 with a recorder'
     ), '', 1, 100),
     Parameter('wait_for_recorder', False,
-        'start the motion only when the recorder records joint_states and joint_command'),
+        'whether the motion starts only when the recorder records joint_states and '
+        'joint_command'),
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,

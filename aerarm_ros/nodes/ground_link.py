@@ -30,13 +30,17 @@ from aerarm_ros.ros.process.shared_ports import PortWatch
 NAME = 'ground_link'
 
 PARAMETERS = ParameterTable(
-    Parameter('role', DRONE, 'computer on which this node runs', choices=(DRONE, GROUND)),
-    Parameter('drone', '', "address of the drone's computer, needed on the ground only"),
+    Parameter('role', DRONE, 'role of the computer on which this node runs: drone or ground',
+    choices=(DRONE, GROUND)),
+    Parameter('drone', '', "network address of the drone's computer, for the node on the "
+                           'ground only'),
     Parameter('ground', '',
-        'address of the ground computer; any address if empty; on the drone only'),
+        'network address of the ground computer, for the node on the drone only; any address '
+        'if empty'),
     Parameter('port', 7447, "UDP port of the drone's computer", '', 1024, 65535),
     Parameter('address', '0.0.0.0',
-        "network address at which the drone's computer receives; on the drone only"),
+        "network address at which the drone's computer receives, for the node on the drone "
+        'only'),
     Parameter('key_file', '~/.config/aerarm/ground_link.key',
         'file with the shared key, identical on both computers; the node on the drone creates a '
         'missing file'),
@@ -53,10 +57,10 @@ PARAMETERS = ParameterTable(
         "reaction of the arm if messages from the ground stop: 'continue' the motion, 'stop' "
         "along the path, or return 'home'", choices=(CONTINUE, STOP, HOME)),
     Parameter('bags', '~/aerarm_bags',
-        'folder on the drone for bags that the ground computer requests; on the drone only'),
+        'folder for bags that the ground computer requests, for the node on the drone only'),
     Parameter('fetch_rate', 4.0,
         'largest data rate at which a bag is copied to the ground; must be below the data rate '
-        'of the radio; on the ground only', 'Mbit/s', 0.05, 50.0),
+        'of the radio; for the node on the ground only', 'Mbit/s', 0.05, 50.0),
     *REAL_TIME_PARAMETERS,
     *(item for item in ARM_FILES if item.name in ('config', 'tf_prefix')),
 )  # fmt: skip

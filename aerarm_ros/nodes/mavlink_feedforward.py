@@ -74,9 +74,11 @@ PARAMETERS = ParameterTable(
                                              'networks), udp:HOST:PORT (send first) or '
                                              'serial:DEVICE:BAUD'),
         Parameter('imu_rate', 200.0,
-            'rate of HIGHRES_IMU messages that the node requests; 0 for none', 'Hz', 0.0, 1000.0),
+            'rate at which the node requests HIGHRES_IMU messages from the autopilot; 0 for '
+            'none', 'Hz', 0.0, 1000.0),
         Parameter('state_rate', 100.0,
-            'rate of attitude and position messages that the node requests', 'Hz', 10.0, 500.0),
+            'rate at which the node requests attitude and position messages from the autopilot',
+            'Hz', 10.0, 500.0),
         Parameter('output_rate', 100.0,
             'rate of motor output messages that the node requests (ACTUATOR_OUTPUT_STATUS, from '
             'ArduPilot SERVO_OUTPUT_RAW) for rotor_command; 0 for none', 'Hz', 0.0, 500.0),
@@ -93,11 +95,12 @@ PARAMETERS = ParameterTable(
     *grouped(
         'Set points',
         Parameter('rate', 100.0, 'rate of set points', 'Hz', 10.0, 500.0),
-        Parameter('set_point_timeout', 0.5, 'age after which the node stops sending a set point, '
-                                            'so that the autopilot detects the loss; 0: never', 's',
+        Parameter('set_point_timeout', 0.5, 'age above which the node no longer sends a set '
+                                            'point, so that the autopilot detects the missing '
+                                            'set points; 0: no limit', 's',
                   0.0, 60.0),
-        Parameter('hold_heading', True, 'send the heading in set points; if false, the autopilot '
-            'does not control the heading'),
+        Parameter('hold_heading', True, 'whether set points contain the heading; if false, the '
+                                        'autopilot does not control the heading'),
     ),
     *FEED_PARAMETERS,
     *LOOP_PARAMETERS,

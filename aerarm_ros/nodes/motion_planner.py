@@ -61,17 +61,17 @@ _SETTINGS = (
     Parameter('duration', 2.0,
         'duration of each motion; 0 for the optimal duration', 's', 0.0, 60.0, live=True),
     Parameter('time_price', 10.0,
-        'cost of each second of the motion if duration is 0, for example the hover power of the '
+        'cost per second of motion, used if duration is 0; for example the hover power of the '
         'drone',
         'W', 0.0, 1e5, live=True),
     Parameter('smoothness', 0.03, (
-        'weight of the squared joint accelerations in the objective, scaled by inertia for light '
-        'joints; joints whose motion costs no energy then move evenly'
+        'weight of the squared joint accelerations in the objective, scaled by inertia for '
+        'light joints; it makes joints whose motion costs no energy move evenly'
     ),
               'J s^3/rad^2', 0.0, 100.0, live=True),
     Parameter('disturbance_price', 0.0,
         'weight of the reaction moment on the base in the objective, relative to energy; 3 '
-        'balances both',
+        'balances moment and energy',
         'J/(Nm)^2/s', 0.0, 1e6, live=True),
     Parameter('velocity_share', 0.9,
         'fraction of the velocity and acceleration limits that a motion may use', '', 0.01,
@@ -85,8 +85,8 @@ PLANNER_PARAMETERS = (
     *_SETTINGS,
     Parameter('frame', 'tool0', 'link whose position a tool goal specifies'),
     Parameter('hold_time', 5.0,
-        'time for which the arm holds a tool goal; with a longer time the planner prefers goal '
-        'postures with little holding torque',
+        'expected time for which the arm will hold a tool goal; for a longer time the planner '
+        'prefers goal postures with little holding torque',
         's', 0.0, 3600.0, live=True),
     Parameter('lead', 0.0,
         'time from the newest joint state to the start of the motion; 0 to start the motion when '

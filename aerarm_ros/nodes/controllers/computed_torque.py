@@ -24,19 +24,19 @@ HOST, BOARDS = 'host', 'boards'
 PARAMETERS = controller_parameters(
     *TRAJECTORY_PARAMETERS,
     Parameter('feedback', HOST,
-        "place of the position feedback. 'host': this node computes the whole torque with kp and "
-        "kd; 'boards': the boards add feedback with the gains of the bridge",
+        "processor that computes the position feedback. 'host': this node, with kp and kd; "
+        "'boards': the motor boards, with the gains board_kp and board_kd of the bridge",
         choices=(HOST, BOARDS)),
     Parameter('kp', [400.0],
         'proportional gains, one value or one per joint', '1/s^2', 0, 1e5, live=True),
     Parameter('kd', [40.0],
         'derivative gains, one value or one per joint', '1/s', 0, 1e4, live=True),
     Parameter('command_delay', 0.0,
-        'delay from a joint state to the middle of the cycle that applies its command, which '
-        "feedback 'host' compensates (0.0015 s at 1 kHz)", 's', 0.0, 0.02),
+        "delay that the controller compensates with feedback 'host': from a joint state to the "
+        'middle of the cycle that applies its command (0.0015 s at 1 kHz)', 's', 0.0, 0.02),
     Parameter('velocity_lag', 0.0,
-        "time constant of the boards' low-pass for the velocity, which feedback 'host' "
-        'compensates (0.00159 s for 100 Hz)', 's', 0.0, 0.02),
+        "time constant of the boards' velocity low-pass, which the controller compensates with "
+        "feedback 'host' (0.00159 s for 100 Hz)", 's', 0.0, 0.02),
     Parameter('ki', 0.0,
         'gain of the integral action; 0 for no integral action', '1/s^3', 0.0, 1e6),
     Parameter('integral_max', 20.0,

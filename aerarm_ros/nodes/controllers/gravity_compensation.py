@@ -29,9 +29,10 @@ PARAMETERS = controller_parameters(
     Parameter('kd', KD,
         'derivative gains, one value or one per joint', 'Nms/rad', 0.0, 1e3, live=True),
     Parameter('hand_guiding', False,
-        'fade the gains to zero, so that a person can move the arm by hand', live=True),
+        'whether the gains fade to zero, so that a person can move the arm by hand', live=True),
     Parameter('hand_friction', 0.7,
-        'fraction of the joint friction that the controller compensates during hand guiding',
+        'fraction of the modelled joint friction that the controller compensates during hand '
+        'guiding',
         '', 0.0, 0.95),
 )  # fmt: skip
 

@@ -35,17 +35,19 @@ PARAMETERS = controller_parameters(
     Parameter('singular_threshold', 0.03,
         'singular value of the Jacobian below which its inverse is damped', 'm/rad', 1e-4, 1.0),
     Parameter('singular_damping', 0.02,
-        'damping of the inverse of the Jacobian at a singularity', 'm/rad', 1e-4, 1.0),
+        'damping of the inverse Jacobian at a singularity', 'm/rad', 1e-4, 1.0),
     Parameter('rest_gain', 0.5,
-        'gain of the motion to the home configuration in the null space of the tool', '1/s', 0.0,
+        'gain of the null-space motion towards the home configuration, which does not move the '
+        'tool', '1/s', 0.0,
         20.0),
     Parameter('holding_gain', 0.0,
-        'gain of the motion in the null space of the tool that reduces the holding torque',
+        'gain of the null-space motion that reduces the holding torque without moving the tool',
         'rad^2/J', 0.0, 1.0),
     Parameter('limit_gain', 5.0,
         'gain of the motion away from a position limit', '1/s', 0.1, 100.0),
     Parameter('limit_margin', 0.02,
-        'distance from a position limit below which the joint moves away from it', 'rad', 0.0,
+        'distance from a position limit below which the joint moves away from the limit',
+        'rad', 0.0,
         1.0),
 )  # fmt: skip
 

@@ -57,7 +57,8 @@ PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
     # Friction compensation by measured velocity stays below one, so that the arm is passive.
-    Parameter('friction_fraction', 0.9, 'fraction of friction that is compensated', '', 0.0, 0.95),
+    Parameter('friction_fraction', 0.9, 'fraction of the modelled joint friction that the '
+                                        'controller compensates', '', 0.0, 0.95),
     *observer_parameters(REACHING_COMPENSATION),
     *PAYLOAD_COMPENSATION_PARAMETERS,
     *(p for p in ROTOR_PARAMETERS if p.name == 'rotor_share'),
@@ -72,33 +73,36 @@ PARAMETERS = controller_parameters(
             'position goal leaves free'
         ), '', 0.0, 100.0),
         Parameter('posture', [], (
-            'null-space joint configuration, in the middle of the reach; the initial '
-            'configuration if empty'
+            'joint configuration, in the middle of the reach, that the null-space motion '
+            'approaches; the initial configuration if empty'
         ), 'rad', -7.0, 7.0,
                   element=float),
         Parameter('posture_kp', _GAINS.posture_kp,
-            'stiffness towards the null-space joint configuration', '1/s^2', 0.0, 400.0),
+            'null-space stiffness towards the null-space joint configuration', '1/s^2', 0.0, 400.0),
         Parameter('posture_kd', _GAINS.posture_kd,
             'damping towards the null-space joint configuration', '1/s', 0.0, 40.0),
         Parameter('singular_threshold', 0.06,
-            'singular value below which the inverse is damped', 'm/rad', 1e-4, 1.0),
-        Parameter('singular_damping', 0.03, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
+            'singular value of the generalized Jacobian below which its inverse is damped',
+            'm/rad', 1e-4, 1.0),
+        Parameter('singular_damping', 0.03, 'damping of the inverse Jacobian at a singularity',
+        'm/rad', 1e-4, 1.0),
         Parameter('error_max', 0.05,
-            'tool error at which the controller stops the tool in the base frame',
+            'tool position error at which the controller stops the tool relative to the base',
                   'm', 1e-3, 1.0),
         Parameter('trust_min', 0.9, (
-            'lower limit of the estimated weight of the predicted base response; wind lowers the '
-            'estimated weight'
+            'lower limit of the weight that the controller gives to the predicted base motion; '
+            'the controller estimates the weight, and wind lowers the estimate'
         ), '', 0.0, 1.0),
     ),
     *grouped(
         'Odometry',
-        Parameter('odometry_timeout', 0.2, 'largest age of usable odometry', 's', 0.01,
+        Parameter('odometry_timeout', 0.2, 'age of the newest odometry above which the '
+                                           'controller no longer uses it', 's', 0.01,
                   2.0),
         Parameter('jump_max', 0.5, 'largest accepted jump of the odometry, in m and in rad',
                   'm', 0.01, 10.0),
         Parameter('recovery_speed', 0.1,
-            'tool velocity towards its target after a stop or an odometry jump',
+            'velocity at which the tool returns to its target after a stop or an odometry jump',
                   'm/s', 1e-3, 1.0),
     ),
     *grouped(
@@ -107,23 +111,27 @@ PARAMETERS = controller_parameters(
         Parameter('approach_speed', _FORCE.approach_speed,
             'speed at which the tool approaches the wall', 'm/s', 1e-3, 0.2),
         Parameter('approach_max', _FORCE.approach_max,
-            'distance of the approach after which the tool stops without a wall', 'm', 1e-3, 1.0),
+            'distance after which the approaching tool stops if it has not reached a wall',
+            'm', 1e-3, 1.0),
         Parameter('contact_force', _FORCE.contact_force,
-            'estimated force from which the approach counts as contact', 'N', 0.2, 50.0),
-        Parameter('force_ramp', _FORCE.ramp, 'rate of change of the force', 'N/s', 0.1, 100.0),
+            'estimated force above which the controller assumes that the approaching tool has '
+            'reached the wall', 'N', 0.2, 50.0),
+        Parameter('force_ramp', _FORCE.ramp, 'rate at which the commanded force changes',
+        'N/s', 0.1, 100.0),
         Parameter('force_gain', _FORCE.gain,
-            'gain of the integral feedback of the force', '1/s', 0.1, 20.0),
+            'gain of the integral feedback of the contact force error', '1/s', 0.1, 20.0),
         Parameter('travel_max', _FORCE.travel_max, (
-            'distance that the tool may move along the force in contact before the controller '
-            'stops the tool'
+            'distance that the tool may move along the force during contact before the '
+            'controller stops the tool'
         ), 'm', 1e-3, 0.5),
     ),
     *grouped(
         'Set point for the drone',
         Parameter('request_drone', False,
-            'publish on flight_set_point the drone position at which the arm is in the middle of '
-            'its reach'),
-        Parameter('request_speed', 0.05, 'velocity at which the set point moves', 'm/s', 1e-3, 1.0),
+            'whether the node publishes on flight_set_point the drone position at which the '
+            'arm is in the middle of its reach'),
+        Parameter('request_speed', 0.05, "velocity at which the drone's set point moves",
+        'm/s', 1e-3, 1.0),
         Parameter('request_deadband', 0.03,
             'distance between the set point and the drone position at which the arm is in the '
             'middle of its reach; below this distance the set point stays constant', 'm', 1e-3,

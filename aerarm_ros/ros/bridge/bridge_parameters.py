@@ -29,7 +29,8 @@ _SETTINGS = {
     ),
     'stamp_age_max': (
         's',
-        'age of a joint state above which the bridge rejects a command that answers it',
+        'age of a joint state above which the bridge rejects a command computed from this '
+        'joint state',
     ),
     'board_timeout': (
         's',
@@ -41,8 +42,8 @@ _SETTINGS = {
     ),
     'lost_commands_max': (
         '',
-        'number of consecutive commands that a board has not received, although it sends frames, '
-        'at which the bridge enters fault',
+        'number of consecutive lost commands at which the bridge enters fault; a lost command '
+        'has not reached a board that still sends frames',
     ),
     'lost_commands_warning': (
         '',
@@ -99,14 +100,17 @@ _SETTINGS = {
     ),
     'stall_time': (
         's',
-        'time without motion of a joint, under a torque that must move it, above which the bridge '
-        'enters fault',
+        'time without motion above which the bridge enters fault, for a joint whose torque is '
+        'large enough to move it',
     ),
-    'ambient_temperature': ('degC', 'temperature of the air around the motors, for thermal limits'),
+    'ambient_temperature': (
+        'degC',
+        'temperature of the air around the motors, for the estimate of motor temperatures',
+    ),
     'start_temperature': (
         'degC',
-        'motor temperature at the start, for thermal limits; equal to ambient_temperature if the '
-        'motors are cold',
+        'motor temperature that the bridge assumes at its start; set it to ambient_temperature '
+        'if the motors are cold',
     ),
 }
 
@@ -144,7 +148,7 @@ BRIDGE_PARAMETERS = (
     Parameter(
         'allowed_publishers',
         [],
-        'names of the nodes whose joint_command the bridge accepts; all nodes if empty',
+        'names of the nodes whose joint commands the bridge accepts; all nodes if empty',
     ),
     Parameter(
         'profile',
@@ -181,8 +185,8 @@ BRIDGE_PARAMETERS = (
         # The fields of a frame profile have smaller ranges, which are checked when they are set.
         for name, what, unit, maximum in (
             ('board_kp', 'position gain', 'A/rad', 100.0),
-            ('board_kd', 'velocity gain (must slow a falling arm)', 'A s/rad', 10.0),
-            ('board_ki', 'integral gain (if the board profile has it)', 'A/(rad s)', 1000.0),
+            ('board_kd', 'velocity gain (large enough to slow a falling arm)', 'A s/rad', 10.0),
+            ('board_ki', 'integral gain (if the board profile has one)', 'A/(rad s)', 1000.0),
         )
     ),
     *(

@@ -43,9 +43,10 @@ CONTACT_ESTIMATOR_PARAMETERS = (
 
 FILE_PARAMETERS = (
     Parameter('residuals_file', '',
-        'file residuals.yaml with contact thresholds learnt from motion without contact'),
+        'required file residuals.yaml with contact thresholds learnt from motion without '
+        'contact'),
     Parameter('model_file', '',
-        "identified model of the arm, estimate.yaml; the URDF's model if empty"),
+        "file estimate.yaml with the identified model of the arm; the URDF's model if empty"),
     Parameter('rate', 100.0, 'publishing rate of external torque and contact', 'Hz', 1.0, 1000.0),
 )  # fmt: skip
 

@@ -102,31 +102,34 @@ ARM_PARAMETERS = grouped(
     Parameter(
         'base_motion',
         NONE,
-        "source of the base motion. none: the base is fixed; attitude and full: the topic imu; "
-        'free: prediction from rotor_command, the motion of the arm and the masses of drone_file',
+        'source of the base motion. none: the base is fixed; attitude, full: the topic imu; '
+        "free: prediction from rotor_command, the arm's motion and the masses of drone_file",
         choices=(*MODES, FREE),
     ),
     Parameter('imu_frame', '',
         'URDF link in which the IMU measures; if empty, the IMU frame of the drone file, otherwise '
         'base_link'),
     Parameter('imu_hold_time', 0.1,
-        'largest age at which the node still uses an IMU sample or a rotor command', 's', 0.001,
+        'age above which the node ignores an IMU sample or a rotor command', 's', 0.001,
         10.0),
     Parameter('imu_fade_time', 0.5,
-        'duration of the change to the configured gravity after the IMU has stopped', 's', 0.01,
+        'duration of the transition from the measured to the configured gravity direction '
+        'after the IMU has stopped', 's', 0.01,
         60.0),
     Parameter('imu_cutoff', 60.0,
-        "cutoff frequency of the low-pass for the base's angular acceleration", 'Hz', 0.1, 500.0),
+        "cutoff frequency of the low-pass filter of the base's angular acceleration",
+        'Hz', 0.1, 500.0),
     Parameter('imu_latency', 0.0, 'time from the measurement of an IMU sample to its arrival', 's',
         0.0, 0.1),
     Parameter('rotor_latency', 0.0,
-        'delay from the arrival of rotor_command to its effect on the rotors', 's', 0.0, 0.1),
+        'delay from the arrival of a rotor command to the resulting thrust', 's', 0.0, 0.1),
     Parameter('correction_cutoff', 0.3,
-        "frequency above which base_motion 'free' uses the predicted instead of the measured base "
-        'acceleration',
+        "frequency above which the controller, with base_motion 'free', uses the predicted "
+        'instead of the measured base acceleration',
         'Hz', 0.01, 0.5),
     Parameter('accelerometer_bias', 0.2,
-        "largest bias of the IMU's acceleration that base_motion 'free' estimates and subtracts",
+        "largest bias of the IMU's acceleration that the controller, with base_motion 'free', "
+        'estimates and subtracts',
         'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
@@ -143,8 +146,8 @@ PAYLOAD = 'payload.inertial_parameters'
 PAYLOAD_PARAMETER = Parameter(
     PAYLOAD,
     [],
-    'ten inertial parameters (3.3) of the payload at the last link, in the frame of the last '
-    'joint, as in payload.yaml; no payload if empty',
+    'ten inertial parameters, thesis (3.3), of the payload at the last link, in the frame of '
+    'the last joint, as in payload.yaml; no payload if empty',
     'kg, kg m, kg m^2',
     -100.0,
     100.0,
@@ -209,14 +212,15 @@ ROTOR_PARAMETERS = grouped(
         "largest rotation of the drone's heading that an arm motion may cause (default 5 degrees); "
         '0 for no check. Needs drone_file', 'rad', 0.0, 3.2),
     Parameter('heading_frequency', 2.0,
-        "natural frequency of the drone's heading control, for the check of heading_max",
+        "natural frequency of the drone's heading control, which the check of heading_max "
+        'assumes',
         'rad/s', 0.1, 30.0),
     Parameter('heading_feedforward', False,
         "whether the drone's controller uses the feed-forward of base_reaction, as flight_control "
         'does; the check of heading_max then permits faster motions'),
     Parameter('unknown_payload', 0.25,
-        'mass at the tool, beyond the known payload, with which a motion must respect heading_max; '
-        '0 permits faster motions of an arm without unknown payload', 'kg', 0.0, 10.0),
+        'additional unknown mass at the tool that the check of heading_max assumes; 0 permits '
+        'faster motions if all masses are known', 'kg', 0.0, 10.0),
 )  # fmt: skip
 
 FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
@@ -232,12 +236,14 @@ FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
         'joint position error below which a goal counts as reached; 0 for no check',
         'rad', 0.0, 1.0),
     Parameter('goal_time', 1.0,
-        'time limit from the end of the trajectory until the arm reaches the goal; 0 for no limit',
+        'time after the end of the trajectory within which the arm must reach the goal; 0 for '
+        'no limit',
         's', 0.0, 60.0),
     Parameter('allow_partial_joints_goal', True,
-        'accept trajectories that omit joints; the omitted joints hold their positions'),
+        'whether the controller accepts trajectories that omit joints; omitted joints hold '
+        'their positions'),
     Parameter('stream_timeout', 0.1,
-        'time since the last point of a stream after which the controller stops the motion',
+        'time without a new point of a stream after which the controller stops the motion',
         's', 0.005, 10.0),
 )  # fmt: skip
 
@@ -245,14 +251,17 @@ REACTION = 'contact_reaction'
 REACTION_PARAMETERS = grouped(
     'Contact',
     Parameter(REACTION, Reaction.REPORT.value,
-        'reaction of the controller to a contact that contact_estimator publishes: report it '
-        'only, stop along the path, retreat after the stop, or comply',
+        'reaction of the controller to a contact that contact_estimator publishes: report: '
+        'only report it; stop: brake along the path; retreat: move back after the stop; '
+        'comply: yield',
         choices=REACTIONS, live=True),
     Parameter('retreat_time', 0.3,
-        'the arm retreats to the position that its reference had this time before the contact',
+        'time before the contact that determines the retreat: the arm moves to the position '
+        'that its reference had at that time',
         's', 0.01, 5.0),
     Parameter('comply_stiffness', 0.02,
-        'fraction of kp that the controller applies while it complies', '', 1e-4, 1.0),
+        'fraction of kp that the controller applies while the arm complies with a contact',
+        '', 1e-4, 1.0),
 )  # fmt: skip
 
 

@@ -30,8 +30,8 @@ ESTIMATOR_PARAMETERS = (
         'RMS torque residual that the estimator assumes until it has measured the residual', 'Nm',
         1e-4, 10.0),
     Parameter('model_error', 0.01, (
-        "standard deviation assumed for the model's gravity and inertia torques, as a fraction of "
-        'these torques; smaller torque errors do not count as payload'
+        "standard deviation assumed for the model's gravity and inertia torques, as a fraction "
+        'of these torques; the estimator does not attribute smaller torque errors to a payload'
     ), '', 1e-4, 0.5),
     Parameter('correlation_time', 0.1, 'correlation time of the torque error of the model', 's',
               0.02, 10.0),

@@ -49,13 +49,14 @@ LOAD_PARAMETERS = grouped(
     'Feed-forward for the drone',
     Parameter('load_rate', 250.0, 'publishing rate of the feed-forward topics', 'Hz', 1.0, 500.0),
     Parameter('lead', 0.0, (
-        'preview time: the feed-forward describes the arm this time after the newest joint state. '
-        'Set it to the lag of the rotors plus the delay of the link'
+        'preview time: time from the newest joint state to the motion that the feed-forward '
+        'describes. Set it to the lag of the rotors plus the delay of the connection to the '
+        'drone'
     ), 's', 0.0, 0.09, live=True),
     Parameter('measured_motion', True, (
-        'use the measured joint motion if planned_motion is missing and the motors hold the arm. '
-        'Set this parameter to false under world_control: the arm reacts to the drone there, and '
-        'the feed-forward would close a feedback loop'
+        'whether the node uses the measured joint motion if planned_motion is missing and the '
+        'motors hold the arm. Set this parameter to false with world_control, which makes the '
+        'arm react to the drone, so that the feed-forward would close a feedback loop'
     )),
     Parameter('acceleration_at', MOUNT, (
         'reference point of feedforward_acceleration, in body axes: the base_link of the arm '

@@ -19,7 +19,7 @@ from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.states.state_stream import base_header
 
 TARGET_PARAMETERS = (
-    Parameter('frame', 'tool0', 'link that the controller moves'),
+    Parameter('frame', 'tool0', 'link that the controller moves to the Cartesian targets'),
     Parameter('target_frequency', 15.0,
         'natural frequency of the second-order filter that moves the reference to the target',
         'rad/s', 0.1, 100.0),

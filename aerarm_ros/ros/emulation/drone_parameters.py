@@ -34,7 +34,8 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'rotor_timeout',
         0.2,
-        'age of the newest rotor_command, in simulation time, above which the rotors stop',
+        'age of the newest rotor command, in simulated time, above which the rotors of the '
+        'emulated drone stop',
         's',
         0.005,
         10.0,
@@ -105,8 +106,8 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'external_odometry_rate',
         0.0,
-        'publishing rate of external_odometry, which stands for a camera or motion capture that '
-        'observes the drone; 0 for none',
+        'publishing rate of external_odometry, as measured by an emulated camera or motion '
+        'capture that observes the drone; 0 for none',
         'Hz',
         0.0,
         1000.0,

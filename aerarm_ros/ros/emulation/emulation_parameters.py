@@ -57,7 +57,7 @@ EMULATION_PARAMETERS = (
     Parameter(
         'backlash_wear',
         0.0,
-        'growth of the gear backlash by wear, per energy that the gear transmits',
+        'growth of the gear backlash by wear, per unit of energy that the gear transmits',
         'rad/J',
         0.0,
         1.0,
@@ -65,8 +65,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'stribeck',
         0.0,
-        'additional static friction of the emulated joints, relative to their sliding friction; '
-        'with it, slow joints stick and slip',
+        'additional static friction of the emulated joints, relative to their sliding '
+        'friction; it makes slow joints stick and slip',
         '',
         0.0,
         5.0,

@@ -77,16 +77,17 @@ FLIGHT_PARAMETERS = (
         ),
         Parameter(
             'observer_frequency', 8.0,
-                "bandwidth of the 'observer', or of the filter of 'indi'", 'rad/s', 0.1,
+                "bandwidth of the momentum observer ('observer') or of the filter of 'indi'",
+                'rad/s', 0.1,
             200.0,
         ),
     ),
     *grouped(
         'Control loops of PX4',
         Parameter(
-            'loops', OWN, "control loops of the drone: this node's; px4, an imitation of PX4's "
-                          'loops; px4_sitl, ardupilot_sitl or betaflight, the firmware as a '
-                          'program on this host',
+            'loops', OWN, 'control loops of the drone. own: those of this node; px4: an '
+                          "imitation of PX4's loops; px4_sitl, ardupilot_sitl, betaflight: the "
+                          'firmware as a program on this computer',
             choices=(OWN, PX4, PX4_SITL, ARDUPILOT_SITL, BETAFLIGHT),
         ),
         Parameter(
@@ -100,49 +101,56 @@ FLIGHT_PARAMETERS = (
         ),
         Parameter(
             'mpc_xy_p', Px4Gains.mpc_xy_p, (
-                'horizontal velocity gain per position error; MPC_XY_VEL_P_ACC and _I_ACC scale '
-                "with it, as in PX4's defaults"
+                "PX4's MPC_XY_P, horizontal velocity per position error; MPC_XY_VEL_P_ACC and "
+                "MPC_XY_VEL_I_ACC scale with this gain, as in PX4's defaults"
             ), '1/s', 0.1, 5.0,
         ),
-        Parameter('mc_att_p', Px4Gains.mc_att_p, 'MC_ROLL_P and MC_PITCH_P', '1/s', 0.5, 30.0),
+        Parameter('mc_att_p', Px4Gains.mc_att_p, "PX4's attitude gains MC_ROLL_P and "
+                                                 'MC_PITCH_P', '1/s', 0.5, 30.0),
         Parameter(
-            'mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K and MC_PITCHRATE_K', '', 0.1, 30.0
+            'mc_rate_k', Px4Gains.mc_rate_k, "PX4's angular rate gains MC_ROLLRATE_K and "
+                                             'MC_PITCHRATE_K', '', 0.1, 30.0
         ),
         Parameter(
             'mc_yawrate_p', Px4Gains.mc_yawrate_p,
-                'MC_YAWRATE_P; set a smaller value for tilted rotors, whose yaw moment is much '
-                'larger', '', 0.001, 10.0,
+                "PX4's yaw rate gain MC_YAWRATE_P; set a smaller value for tilted rotors, "
+                'whose yaw moment is much larger', '', 0.001, 10.0,
         ),
         Parameter(
-            'mc_yaw_tq_cutoff', Px4Gains.mc_yaw_tq_cutoff, 'MC_YAW_TQ_CUTOFF; 0 for no filter',
+            'mc_yaw_tq_cutoff', Px4Gains.mc_yaw_tq_cutoff, "PX4's MC_YAW_TQ_CUTOFF, cutoff "
+                                                           'frequency of the yaw torque; 0 for no '
+                                                           'filter',
             'Hz', 0.0, 10.0,
         ),
         Parameter(
-            'tilt_ahead', True, "anticipatory tilt for the arm's motion, by inversion of PX4's "
-                "loops"
+            'tilt_ahead', True, "whether the drone tilts in advance for the arm's motion, "
+                                "computed by inversion of PX4's loops"
         ),
         Parameter(
-            'hold_heading', True, "send a heading in PX4's set points; if false, yaw is NaN",
+            'hold_heading', True, 'whether the set points for PX4 contain a heading; if false, '
+                                  'their yaw is NaN',
         ),
     ),
     *grouped(
         'Arm feed-forward',
         Parameter('feed_posture', True,
-            'compensate mass, centre of mass and inertia of the arm, from arm_inertia', live=True),
+            'whether the node compensates mass, centre of mass and inertia of the arm, which '
+            'it receives on arm_inertia', live=True),
         Parameter('feed_motion', True,
-            'compensate the motion of the joints, from base_wrench_motion', live=True),
+            'whether the node compensates the motion of the joints by the wrench that it '
+            'receives on base_wrench_motion', live=True),
         Parameter(
             'feed_lead', 0.028, (
-                "delay from a sensor sample to the rotors' response; the preview time `lead` of "
-                'base_reaction must be at least 17 ms larger'
+                'delay from a sensor sample to the response of the rotors; the preview time '
+                '`lead` of base_reaction must be at least 17 ms larger'
             ), 's', 0.0,
             0.08, live=True,
         ),
         Parameter(
             'arm_wait', 0.0, (
-                'longest wait for a late forecast of the arm, for lockstep on a busy computer. '
-                'After a timeout the node waits again once a forecast is on time. Set 0 if the '
-                'drone falls meanwhile'
+                'longest time for which the node waits for a late forecast of base_reaction, '
+                'for lockstep on a busy computer. After a timeout the node waits again once a '
+                'forecast is on time. Set 0 if the drone would fall while the node waits'
             ), 's', 0.0, 10.0,
         ),
     ),

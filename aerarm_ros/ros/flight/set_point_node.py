@@ -40,25 +40,29 @@ _CLOCK_TOLERANCE = 0.2
 
 
 FEED_PARAMETERS = (
-    Parameter('feed_lead', 0.03, 'delay from a set point to its effect; the preview time `lead` '
-                                 'of base_reaction must be at least this large', 's', 0.0, 0.06,
+    Parameter('feed_lead', 0.03, 'delay from sending a set point to its effect on the drone; '
+                                 'the preview time `lead` of base_reaction must be at least as '
+                                 'large', 's', 0.0, 0.06,
               live=True),
 )  # fmt: skip
 LOOP_PARAMETERS = grouped(
     "The autopilot's loops, for the anticipatory tilt",
     Parameter('attitude_gain', Px4Gains.mc_att_p,
-        'angular velocity per attitude error (MC_ROLL_P, default as in PX4; ATC_ANG_RLL_P); 0 for '
-        'no anticipatory tilt', '1/s', 0.0, 50.0),
+        "autopilot's gain from attitude error to angular velocity (PX4: MC_ROLL_P, whose "
+        'default this is; ArduPilot: ATC_ANG_RLL_P); 0: no anticipatory tilt', '1/s', 0.0, 50.0),
     Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p,
-        'normalised torque per error of the angular velocity (MC_ROLLRATE_K times MC_ROLLRATE_P; '
-        'ATC_RAT_RLL_P); drone_file determines its unit of torque; 0 ignores inertia and moment',
+        "autopilot's gain from angular velocity error to normalised torque (PX4: MC_ROLLRATE_K "
+        'times MC_ROLLRATE_P; ArduPilot: ATC_RAT_RLL_P). drone_file defines the unit of '
+        "torque; 0 ignores the arm's inertia and moment",
         's/rad', 0.0, 10.0),
     Parameter('integral_rate', Px4Gains.mc_rate_i / Px4Gains.mc_rate_p,
-        'ratio of integral gain and rate_gain (MC_ROLLRATE_I over MC_ROLLRATE_P; ATC_RAT_RLL_I '
-        'over ATC_RAT_RLL_P)', '1/s', 0.0, 50.0),
+        "autopilot's integral gain divided by its proportional gain in rate control (PX4: "
+        'MC_ROLLRATE_I / MC_ROLLRATE_P; ArduPilot: ATC_RAT_RLL_I / ATC_RAT_RLL_P)',
+        '1/s', 0.0, 50.0),
 )  # fmt: skip
 FIRMWARE_PARAMETERS = (
-    Parameter('firmware', PX4, 'firmware of the autopilot, which decides the rules for set points',
+    Parameter('firmware', PX4, 'firmware of the autopilot; the set points follow the rules of '
+                               'this firmware',
               choices=(PX4, ARDUPILOT)),
     *grouped(
         "ArduCopter's position loop",
@@ -107,9 +111,11 @@ def set_point_parameters(
         Parameter('output_topic', output, 'output topic of set points with the added acceleration'),
         Parameter('attitude_topic', attitude, "topic of the drone's attitude"),
         *others,
-        Parameter('rate', 100.0, 'rate of re-sending the newest set point', 'Hz', 10.0, 500.0),
-        Parameter('set_point_timeout', 0.5, 'age after which the node stops re-sending a set '
-                  'point, so that the autopilot detects the loss', 's', 0.05, 10.0),
+        Parameter('rate', 100.0, 'rate at which the node re-sends the newest set point',
+        'Hz', 10.0, 500.0),
+        Parameter('set_point_timeout', 0.5, 'age above which the node no longer re-sends a set '
+                                            'point, so that the autopilot detects the missing '
+                                            'set points', 's', 0.05, 10.0),
         *FEED_PARAMETERS,
         *LOOP_PARAMETERS,
     )  # fmt: skip

@@ -130,10 +130,10 @@ REAL_TIME_PARAMETERS = grouped(
         'SCHED_FIFO priority of the real-time thread; 0 for the ordinary scheduler',
         minimum=0, maximum=98),
     Parameter('lock_memory', False,
-        'lock the memory of the process in RAM, so that page faults cause no delay'),
+        'whether the process locks its memory in RAM, so that page faults cause no delay'),
     Parameter('keep_cpus_awake', False,
-        'keep idle CPUs out of sleep states while the node runs; this reduces delays, but '
-        'increases power consumption and heat'),
+        'whether idle CPUs stay out of sleep states while the node runs; this setting reduces '
+        'delays, but increases power consumption and heat'),
 )  # fmt: skip
 
 

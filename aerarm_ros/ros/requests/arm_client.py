@@ -224,7 +224,7 @@ class ArmClient:
 HOLD, RELEASE = 'hold', 'release'
 
 BRIDGES_PARAMETER = Parameter(
-    'bridges', list(BRIDGES), 'possible node names of the bridge to which this node sends requests'
+    'bridges', list(BRIDGES), 'possible names of the bridge node to which this node sends requests'
 )
 
 AT_END_PARAMETERS = grouped(
