@@ -66,14 +66,14 @@ def drone_argument() -> DeclareLaunchArgument:
 
 
 def drone_parameter() -> dict[str, ParameterValue]:
-    """Return the node parameter `drone_file`; an empty value stays a string."""
+    """Return the node parameter `drone_file`, as a string even if the value is empty."""
     return {'drone_file': ParameterValue(LaunchConfiguration('drone_file'), value_type=str)}
 
 
 def arm_parameters(
     *others: str, urdf: SomeSubstitutionsType | None = None
 ) -> dict[str, SomeSubstitutionsType | ParameterValue]:
-    """Return the node parameters for the files of the arm, and further parameters.
+    """Return the node parameters for the arm's files and prefix, and the parameters in `others`.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def enable_argument(default: SomeSubstitutionsType = 'false') -> DeclareLaunchAr
     """Return the launch argument that switches the motors on."""
     what = (
         'switch the motors on as soon as the boards respond, and home the arm if encoder zeros are '
-        'unknown: THE ARM MOVES, and must be in its home configuration'
+        'unknown; THE ARM MOVES: put it in its home configuration first'
     )
     return switch_argument('enable', what, default)
 
@@ -107,13 +107,14 @@ def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
 
 
 def base_motion_argument(default: str = 'none') -> DeclareLaunchArgument:
-    """Return the launch argument that selects how a controller accounts for base motion."""
+    """Return the launch argument that selects how a controller obtains the motion of the base."""
     return DeclareLaunchArgument(
         'base_motion',
         default_value=default,
         choices=['none', 'attitude', 'full', 'free'],
-        description='source of the base motion for the controller: none (fixed base), attitude or '
-        'full (both from the IMU), or free (predicted for the drone in drone_file)',
+        description="method by which the controller obtains the motion of the arm's base: none "
+        '(fixed base), attitude or full (both from the IMU), or free (predicted with the drone '
+        'model in drone_file)',
     )
 
 
@@ -133,13 +134,14 @@ MOTION_ARGUMENTS = (
         'controller',
         default_value='none',
         choices=['none'],
-        description='always none, because a program of this launch file commands the arm',
+        description='no controller can be selected, because another program of this launch file '
+        'commands the arm',
     ),
     DeclareLaunchArgument(
         'excitation_config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'excitation.yaml']),
-        description='YAML file with obstacles and with the fraction of each limit that motions may '
-        'use',
+        description="YAML file with the obstacles, and with the fraction of each of the arm's "
+        'limits that motions may use',
     ),
 )
 
@@ -168,7 +170,7 @@ def check_first(*packages: str) -> OpaqueFunction:
 
 
 def _keep_launch_from_being_interrupted() -> None:
-    """Install a SIGINT handler that does nothing, so that only launch's event loop handles SIGINT.
+    """Install an empty Python handler for SIGINT, so that only launch's event loop handles SIGINT.
 
     Launch reads signals from its wakeup file descriptor, but keeps Python's own handler. This
     handler raises KeyboardInterrupt in a task of launch. Launch then waits for this task for ever,
@@ -181,7 +183,7 @@ def _keep_launch_from_being_interrupted() -> None:
 
 
 def bringup() -> IncludeLaunchDescription:
-    """Include bringup.launch.py; it receives the arguments of the including launch file."""
+    """Include bringup.launch.py, and pass on the arguments of the including launch file."""
     return IncludeLaunchDescription(PathJoinSubstitution([SHARE, 'launch', 'bringup.launch.py']))
 
 
@@ -216,7 +218,7 @@ def end(reason: str) -> EmitEvent:
 def after(
     process: Action, what: str, if_good: Action | None = None, condition: Condition | None = None
 ) -> RegisterEventHandler:
-    """Run `if_good` after a process has succeeded; if it fails, end launch with exit status 1.
+    """Run `if_good` after a process has succeeded; if the process fails, end launch with status 1.
 
     While launch shuts down, a stopped process counts as successful. So does exit status 255, which
     asyncio reports if Ctrl-C interrupts the task that waits for the process.

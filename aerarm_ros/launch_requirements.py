@@ -1,4 +1,4 @@
-"""Check that the files, packages and modules which launch arguments require exist.
+"""Check that all files, packages and modules exist which the launch arguments require.
 
 If a process of a launch file cannot start, the processes before it keep running. The bridge would
 then run alone, with the motors switched on. Therefore this module checks all arguments before any
@@ -81,7 +81,7 @@ def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[
 
 
 def packaged_files(arguments: Mapping[str, str]) -> dict[str, str]:
-    """Return the paths of the packaged files that launch arguments name, by argument.
+    """Return the path of each packaged file that a launch argument names, by argument name.
 
     ROS needs a path to the parameter file, and launch needs paths to the URDFs.
     """
@@ -127,4 +127,5 @@ def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
 def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:
     for (name, value), module in _MODULES.items():
         if arguments.get(name) == value and find_spec(module) is None:
-            yield f'{name}:={value} needs the Python package {module}: {_HOW[module]}'
+            yield f'the launch argument {name}:={value} needs the Python package {module}: '
+            f'{_HOW[module]}'

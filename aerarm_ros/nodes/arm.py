@@ -24,24 +24,25 @@ NAME = 'arm'
 _FAKE = 'fake_hardware'
 _MEANING = {
     'enable': (
-        'switch the motors on: they align first (THE ARM MOVES), then the bridge holds the arm'
+        'switch the motors on: the motors first align (THE ARM MOVES), then the bridge holds the '
+        'arm'
     ),
     'hold': (
-        'let the bridge hold the arm: a damped arm at once, a controlled arm when its controller '
-        'stops'
+        'let the bridge hold the arm in place: at once if the arm is damped, or when the '
+        'controller stops if a controller moves the arm'
     ),
     'disable': 'switch the motors off, so that the arm sinks',
-    'clear_fault': 'end the mode fault after the cause of the fault is removed',
+    'clear_fault': 'leave the mode fault, after you have removed the cause of the fault',
     'home': (
         'turn the joints slowly from the home configuration to the index pulses of the encoders: '
         'THE ARM MOVES'
     ),
-    'e_stop': 'emergency stop: the bridge damps the arm until the request clear_fault',
+    'e_stop': 'emergency stop: the bridge damps the arm until it receives the request clear_fault',
     'put_back': f'reset the simulated arm of {_FAKE} to its initial posture, with motors off',
 }
 # Receivers of a request if the user names no bridge.
 _RECEIVERS = {
-    'e_stop': 'all bridges of this namespace; without a namespace, all bridges',
+    'e_stop': 'all bridges in the ROS namespace of this command; without a namespace, all bridges',
     'disable': 'all bridges of this namespace',
     'put_back': _FAKE,
 }
@@ -58,30 +59,31 @@ _PROGRAMS = {
         'recorder',
         'bag',
         'NAME',
-        'record a bag until Ctrl-C; on the ground computer, record it on the drone and copy it to '
-        'the ground afterwards',
+        'record a bag until Ctrl-C; on the ground computer, this command records the bag on the '
+        'drone, then copies the bag to the ground computer',
     ),
 }
 _FETCH = (
-    'copy a bag that the drone recorded for the ground to the ground computer; continues an '
-    'interrupted copy'
+    'copy a bag from the drone to the ground computer, which had requested the recording; also '
+    'continues an interrupted copy'
 )
 _HOME = (
-    'home the arm if an encoder zero is unknown, then enable; the arm must be in its home '
+    'before enabling, home the arm if an encoder zero is unknown; the arm must be in its home '
     'configuration'
 )
 _CALIBRATE = (
-    'move the arm to calibration postures and record joint states and sensors in each posture: THE '
-    'ARM MOVES'
+    'move the arm to calibration postures and record joint states and sensor data in each posture: '
+    'THE ARM MOVES'
 )
 _INIT = "write the first configuration files of an arm from the arm's URDF"
-_COMMISSION = 'guide through the first power-on of each joint: THE ARM MOVES after a confirmation'
+_COMMISSION = 'guide the user through the first power-on of each joint: THE ARM MOVES after the '
+'user confirms'
 _TIMEOUT = 20.0  # [s]
 # Twice the longest time that a new node needs to discover a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
 _PRESS = (
-    'press the tool on a wall with a force, with world_control; three zeros end the contact: THE '
-    'ARM MOVES'
+    'press the tool on a wall with a force, by the controller world_control; the force 0 0 0 ends '
+    'the contact: THE ARM MOVES'
 )
 
 
@@ -139,11 +141,12 @@ def make_parser() -> argparse.ArgumentParser:
             axis, type=finite_number, help=f'{axis} coordinate of the position in --frame [m]'
         )
     command.add_argument('--frame', choices=('base', 'world'), default='base',
-        help="frame of the position: 'base' is base_link of the arm, 'world' the frame of the "
-             "drone's odometry, which needs world_control (default: base)")  # fmt: skip
+        help="frame of the position: 'base' is the arm's base_link; 'world' is the frame of the "
+             "drone's odometry, and needs the controller world_control (default: "
+             'base)')  # fmt: skip
     command.add_argument('--tolerance', type=positive_number, default=0.01,
-        help='distance from the position below which the goal counts as reached [m] (default: '
-             '0.01)')  # fmt: skip
+        help='distance between tool and position below which the goal counts as reached [m] '
+             '(default: 0.01)')  # fmt: skip
     command = add('press', _PRESS)
     for axis in 'xyz':
         command.add_argument(
@@ -210,7 +213,7 @@ def _add_commission(command: argparse.ArgumentParser) -> None:
         'perform and confirm all manual steps automatically; with emulated boards only'
     ))  # fmt: skip
     add('--bridge', metavar='NODE', default=_FAKE, help='name of the node that emulates the '
-        f'boards, for --yes (default: {_FAKE})')  # fmt: skip
+        f'boards, used with --yes (default: {_FAKE})')  # fmt: skip
 
 
 def _add_calibrate(command: argparse.ArgumentParser) -> None:
@@ -221,10 +224,11 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
         'time for which the arm rests in each posture [s] (default: 1)'
     ))  # fmt: skip
     add('--span', type=positive_number, default=0.8, help=(
-        'fraction of each joint range from which postures are chosen (default: 0.8)'
+        "fraction of each joint's range within which the program chooses postures (default: 0.8)"
     ))  # fmt: skip
     add('--sensors', nargs='+', default=[], metavar='TOPIC', help=(
-        'topics with markers or poses to record (default: all such topics of other programs)'
+        'topics of markers or poses to record (default: all topics of markers or poses that do not '
+        'belong to this suite)'
     ))  # fmt: skip
     add('--link', default='', metavar='NAME',
         help='link that carries the markers (default: the last link)')  # fmt: skip
@@ -234,8 +238,8 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
     ))  # fmt: skip
     add('--marker-normal', nargs=3, type=finite_number,
         metavar=('X', 'Y', 'Z'), help=(
-        "normal vector of the marker in the frame of the marker's link; needs --camera (default: "
-        '0 0 1)'
+        'normal vector of the marker, in the frame of the link that carries the marker; needs '
+        '--camera (default: 0 0 1)'
     ))  # fmt: skip
     _add_arm_files(command)
     add('--excitation-config', default='', metavar='FILE', help=(
@@ -244,7 +248,8 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
     add('--out', default='', metavar='BAG',
         help='name of the recorded bag (default: calibration_DATE_TIME)')  # fmt: skip
     add('--seed', type=int, default=0,
-        help='seed of the random candidates for the postures (default: 0)')  # fmt: skip
+        help='seed of the random postures among which the program chooses (default: '
+        '0)')  # fmt: skip
     add('--dry-run', action='store_true', help='print the postures without moving the arm')
 
 
@@ -262,13 +267,13 @@ def _add_init(command: argparse.ArgumentParser) -> None:
         help='joints that do not belong to the arm, for example of a gripper; the model treats '
              'these joints as fixed')  # fmt: skip
     add('--gravity', type=finite_number, nargs=3, default=[0.0, 0.0, -9.81], metavar=tuple('XYZ'),
-        help='gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; 0 0 9.81 for '
-             'an arm that hangs)')  # fmt: skip
+        help='gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; pass 0 0 9.81 for '
+             'an arm that hangs upside down)')  # fmt: skip
     add('--package-directory', type=Path, action='append', default=[], metavar='FOLDER',
         help='folder in which to search for the package:// meshes of the URDF')  # fmt: skip
     add('--estimate', type=Path, metavar='FILE', help=(
-        'estimate.yaml of the identifier, from which friction and rotor inertias are taken '
-        '(default: guesses)'
+        'file estimate.yaml of the identifier, with values of friction and rotor inertias '
+        '(default: the program guesses these values)'
     ))  # fmt: skip
     add('--overwrite', action='store_true', help='overwrite existing files')
 
@@ -299,12 +304,13 @@ def _add_waits(command: argparse.ArgumentParser, default: str) -> None:
         nargs='+',
         choices=MODES,
         metavar='MODE',
-        help='modes of the arm to wait for after the request; the command ends in the first one',
+        help='modes of the arm to wait for after the request; the command ends when the arm '
+        'reaches one of these modes',
     )
 
 
 def finite_number(text: str) -> float:
-    """Convert a text to a finite number; raises ValueError for other texts."""
+    """Convert a text to a finite number; raises ValueError if the text contains none."""
     value = float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -312,7 +318,7 @@ def finite_number(text: str) -> float:
 
 
 def positive_number(text: str) -> float:
-    """Convert a text to a positive finite number; raises ValueError for other texts."""
+    """Convert a text to a positive finite number; raises ValueError if the text contains none."""
     value = finite_number(text)
     if value <= 0.0:
         raise ValueError(text)
@@ -338,7 +344,7 @@ def _completion() -> str:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the command of the command line; return 0 if it succeeded."""
+    """Run the command that the command line names; return 0 if the command succeeded."""
     arguments = list(sys.argv[1:] if args is None else args)
     parser = make_parser()
     complete(parser)

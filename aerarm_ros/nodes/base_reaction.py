@@ -1,4 +1,4 @@
-"""Publish the arm's reaction on the drone: wrench, mass properties, feedforward and energy.
+"""Publish the arm's effect on the drone: wrench, mass properties, feedforward and energy.
 
 All vectors are in the axes of base_link, and moments are about its origin. `base_wrench` is the
 wrench of the arm on the drone, and `base_wrench_static` the part of it that gravity causes. For
@@ -86,7 +86,7 @@ class BaseReactionNode(StateNode):
         self._patience = SilencePatience(self.node, states)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Publish the reaction if one period has passed, and the joint positions are known."""
+        """Publish the reaction if one period has passed and the joint positions are known."""
         self._is_located = bool(np.isfinite(state.q).all())
         if not self._is_located:
             self._acceleration.reset()
@@ -112,7 +112,7 @@ class BaseReactionNode(StateNode):
         self.count_answer()
 
     def silence(self, silent_for: float) -> float:
-        """Fade the published wrenches of motion and contact to zero.
+        """Fade the published wrenches of motion and contact to zero while no joint states arrive.
 
         A pause of the computer that emulates an arm does not count, because the arm's time pauses
         too.
@@ -140,7 +140,7 @@ class BaseReactionNode(StateNode):
         self._loads.forecast.is_held = message.data in HELD
 
     def describe(self) -> dict[str, object]:
-        """Return the source of the published motion, contact and energy, for /diagnostics."""
+        """Return the sources of the published motion, contact and energy, for /diagnostics."""
         motion = self._loads.forecast.problem or 'planned'
         others = {**self._contact.describe(), **self._energy.describe()}
         return {**super().describe(), 'motion forecast': motion, **others}

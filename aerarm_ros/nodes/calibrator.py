@@ -32,26 +32,28 @@ _OPTIONS: tuple[Option, ...] = (
         'calibration (default: 0)'),
     ('--urdf', {'type': Path, 'metavar': 'FILE'}, 'URDF of the arm (default: the packaged arm)'),
     ('--config', {'type': Path, 'metavar': 'FILE'},
-        'arm configuration to which to add the estimated joint offsets, for example '
-        'config/aerarm.yaml (default: the packaged file; with --urdf none)'),
+        'arm configuration, of which the calibrator writes a copy with the estimated joint '
+        'offsets, for example config/aerarm.yaml (default: the packaged file, or no file if --urdf '
+        'is given)'),
     ('--link', {'default': '', 'metavar': 'NAME'},
         'link that carries the markers (default: the link after the last recorded joint)'),
     ('--level', {'choices': ('auto', 'frames', 'offsets', 'geometry'), 'default': 'auto'},
         'errors to estimate. frames: only the poses of the sensors; offsets: also joint offsets; '
-        'geometry: also link geometry; auto (default): the best level in a cross-validation'),
+        'geometry: also link geometry; auto (default): the one of these levels with the smallest '
+        'cross-validation error'),
     ('--no-compliance', {'action': 'store_true'},
         'do not estimate the deflection of the joints under gravity'),
     ('--eccentricity', {'action': 'store_true'},
         'also estimate the first harmonic of the angle error of each gear'),
     ('--tolerance',
         {'nargs': 2, 'type': float, 'default': [2.0, 10.0], 'metavar': ('LENGTH', 'ANGLE')},
-        'expected errors of lengths [mm] and angles [mrad] in the URDF; smaller values keep the '
-        'estimates closer to the URDF (default: 2 10)'),
+        'expected errors of lengths [mm] and angles [mrad] in the URDF; with smaller values the '
+        'estimates stay closer to the URDF (default: 2 10)'),
     ('--base-known', {'action': 'store_true'},
-        "the markers are measured in the frame of the URDF's base link (default: in an unknown "
+        "the markers were measured in the frame of the URDF's base link (default: in an unknown "
         'frame)'),
     ('--eye-in-hand', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'names of poses that a camera on the arm measures of a fixed object'),
+        'names of those poses that a camera on the arm has measured of an object at a fixed place'),
     ('--length-unit', {'choices': ('m', 'cm', 'mm'), 'default': ''},
         'unit of lengths in columns whose name states no unit (default: m)'),
     ('--degrees', {'action': 'store_true'},
@@ -60,9 +62,9 @@ _OPTIONS: tuple[Option, ...] = (
     ('--ignore', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
         'names of markers, poses or columns that the calibrator does not use'),
     ('--rename', {'nargs': '+', 'default': [], 'metavar': 'COLUMN=JOINT'},
-        'name of a joint in the recording, and its name in the URDF'),
+        "pairs of a joint's name in the recording (COLUMN) and its name in the URDF (JOINT)"),
     ('--lock', {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints that were not recorded, because they stayed at zero'),
+        'joints that the recording omits, because their positions stayed at zero'),
     ('--gravity', {'nargs': 3, 'type': float, 'metavar': ('X', 'Y', 'Z')},
         "gravity in the frame of the arm's base [m/s^2] (default: as in --config, otherwise 0 0 "
         '-9.81)'),
@@ -70,16 +72,19 @@ _OPTIONS: tuple[Option, ...] = (
         'topic of the joint states in the bags (default: %(default)s)'),
     ('--sensors', {'nargs': '+', 'default': [], 'metavar': 'TOPIC'},
         'topics of markers and poses in the bags, of type PointStamped, PoseStamped, '
-        'TransformStamped or TFMessage (default: all such topics of other programs)'),
+        'TransformStamped or TFMessage (default: all topics of these types that do not belong to '
+        'this suite)'),
     ('--frames', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'child frames to use from TFMessage topics (default: all except the links of the URDF)'),
+        'child frames that the calibrator uses from TFMessage topics (default: all except the '
+        'links of the URDF)'),
     ('--mount', {'action': 'store_true'},
         "estimate the poses of the arm's base and of the IMU on the drone, and write a drone "
         'file; needs a bag in which drone and arm move'),
     ('--drone', {'type': Path, 'metavar': 'FILE'},
         'drone file with the nominal poses for --mount (default: the packaged drone.yaml)'),
     ('--drone-pose', {'default': '/odometry', 'metavar': 'NAME'},
-        "topic of the drone's pose for --mount: Odometry or PoseStamped (default: %(default)s)"),
+        "topic of the drone's pose for --mount, of type Odometry or PoseStamped (default: "
+        '%(default)s)'),
     ('--imu', {'default': '/imu', 'metavar': 'NAME'},
         'topic of the IMU for --mount (default: %(default)s)'),
     ('--out', {'type': Path, 'metavar': 'DIR'},
@@ -96,7 +101,7 @@ _NAME = 'calibrator'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the calibrator; return 0, or 2 if the user must check an input."""
+    """Run the calibrator; return exit status 0, or 2 if an input is invalid."""
     parser = calibrator_parser(_NAME, __doc__)
     options = parser.parse_args(without_ros_arguments(arguments))
     if not options.bag:
@@ -128,7 +133,11 @@ def _run(options: argparse.Namespace) -> int:
         print_error(_NAME, error)
         return USER_ERROR
     except np.linalg.LinAlgError as error:
-        print_error(_NAME, f'{error}: check that marker positions and joint states are plausible')
+        print_error(
+            _NAME,
+            f'the calibration failed ({error}): check that marker positions and '
+            'joint states are plausible',
+        )
         return USER_ERROR
     return 0
 

@@ -89,7 +89,7 @@ class ContactEstimatorNode(StateNode):
         self._force = self.advertise(topics.CONTACT_FORCE)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Process a joint state; publish at `rate`, and immediately if contact begins or ends."""
+        """Process a joint state; publish at `rate`, and immediately if a contact begins or ends."""
         now = stamp_ns * 1e-9
         if self.base.problem(now):
             return
@@ -107,11 +107,11 @@ class ContactEstimatorNode(StateNode):
         self.count_answer()
 
     def warning(self) -> str:
-        """Return why contact cannot be detected, or an empty string."""
+        """Return why the node cannot detect contact, or an empty string."""
         return super().warning() or self._detector.problem
 
     def describe(self) -> dict[str, object]:
-        """Return the newest estimate for /diagnostics."""
+        """Return the newest estimates of torque and contact for /diagnostics."""
         described: dict[str, object] = {
             **super().describe(),
             'contacts': sum(event.cause is Cause.CONTACT for event in self._detector.events),

@@ -27,7 +27,7 @@ INCOMPLETE = 'INCOMPLETE'
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the demo; return 0 if it has written the identified model."""
+    """Run the demo; return exit status 0 if the demo has written the identified model."""
     options = _parse(arguments)
     with StopSignals(_interrupt):
         return _run(options)
@@ -45,7 +45,9 @@ def _run(options: argparse.Namespace) -> int:
             raise FileExistsError('the folder contains files')
         (out / 'logs').mkdir(parents=True)
         marker = out / INCOMPLETE
-        marker.write_text('The demo is still running, or ended before it wrote all results.\n')
+        marker.write_text(
+            'The demo is still running, or ended before it had written all results.\n'
+        )
     except OSError as error:
         reason = error.strerror or error
         print(
@@ -87,10 +89,10 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument('--periods', type=_at_least_one, default=2,
         help='number of periods of each trajectory, 10 s each (default: 2)')  # fmt: skip
     parser.add_argument('--pace', choices=(KEEP_UP, LOCKSTEP), default=KEEP_UP,
-        help='parameter pace of fake_hardware, which sets how simulation time passes (default: '
-             '%(default)s)')  # fmt: skip
+        help='value of the parameter pace of fake_hardware, which determines the speed of the '
+             'simulation (default: %(default)s)')  # fmt: skip
     parser.add_argument('--priority', type=int, default=80,
-        help='SCHED_FIFO priority of the bridge; 0 for the ordinary scheduler (default: '
+        help='SCHED_FIFO priority of the bridge; 0 selects the ordinary scheduler (default: '
              '%(default)s)')  # fmt: skip
     return parser.parse_args(arguments)
 

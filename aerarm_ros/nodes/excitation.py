@@ -132,7 +132,7 @@ class ExcitationNode:
         self._plan = PlanTopic(self._node, self._names, lambda: states.stamp_ns, self._ahead)
 
     def run(self) -> None:
-        """Play the trajectory and set `status` to the exit status."""
+        """Play the trajectory, and set the attribute `status` to the exit status."""
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
                 self._run()
@@ -171,7 +171,7 @@ class ExcitationNode:
         self._conclude()
 
     def _get_trajectory(self) -> FourierTrajectory:
-        """Load or randomly draw a feasible trajectory, and write it to the file `save`."""
+        """Load a trajectory or draw a random feasible one, and write it to the file `save`."""
         values, setup = self._parameters, self._setup
         if values.trajectory:
             file = TrajectoryFile.load(values.trajectory)
@@ -203,9 +203,10 @@ class ExcitationNode:
         if factor > 1.0:
             self._slowed = f'{factor:.2f} times'
             print(
-                f'{NAME}: the motion is slowed down for the rotors of the drone (parameters '
-                f'rotor_share and heading_max): a period takes {slowed.period:.1f} s instead of '
-                f'{trajectory.period:.1f} s ({factor:.2f} times as long)',
+                f'{NAME}: the motion is slowed down to respect the limits for rotors and heading '
+                'of the drone (parameters rotor_share and heading_max): a period takes '
+                f'{slowed.period:.1f} s instead of {trajectory.period:.1f} s ({factor:.2f} times '
+                'as long)',
                 flush=True,
             )
         return slowed
@@ -232,7 +233,7 @@ class ExcitationNode:
         assert self._player is not None
         stopped, damping = self._playback.stop_asked, self._playback.damping
         largest = self._player.largest_error.max()
-        account = [self._diagnostics.account(), f'largest tracking error {largest:.3f} rad']
+        account = [self._diagnostics.account(), f'the largest tracking error was {largest:.3f} rad']
         account += filter(None, [damping.text])
         print(f'{NAME}: {"stopped" if stopped else "done"}: {"; ".join(account)}', flush=True)
         self.status = INTERRUPTED if stopped else 0
@@ -242,8 +243,8 @@ class ExcitationNode:
             raise ExcitationError(
                 f'the bridge damped the arm for {damping.share:.1%} of the motion (allowed: '
                 f'{allowed:.1%}), because commands arrived too late, so the motion deviates from '
-                'the plan. End other processes, set realtime_priority, or increase '
-                'damped_share_max'
+                'the plan. End other processes, set the parameter realtime_priority, or increase '
+                'the parameter damped_share_max'
             )
 
     def _diagnostic_values(self) -> dict[str, object]:
@@ -259,7 +260,7 @@ class ExcitationNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node; return 0 if the arm followed the whole trajectory."""
+    """Run the node; return exit status 0 if the arm followed the whole trajectory."""
     return run_node(NAME, ExcitationNode, args, PARAMETERS, __doc__)
 
 

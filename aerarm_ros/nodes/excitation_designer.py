@@ -1,4 +1,4 @@
-"""Design a trajectory for the `excitation` node; needs no running ROS.
+"""Design a trajectory for the node `excitation`, without running ROS nodes.
 
 Usage: ros2 run aerarm_ros excitation_designer --out trajectory.yaml --preview trajectory.html
 """
@@ -57,7 +57,8 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         '--condition-limit',
         type=float,
         default=26.0,
-        help=f'largest condition number (5.2) for --objective {BOTH} (default: %(default)s)',
+        help=f'largest permitted condition number, thesis (5.2), for --objective {BOTH} (default: '
+        '%(default)s)',
     )
     add('--fundamental', type=float, default=0.1,
         help='fundamental frequency f0 of the trajectory [Hz] (default: %(default)s)')  # fmt: skip
@@ -75,7 +76,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
             '1 %% of the effort limit)'
         ))  # fmt: skip
     add('--bias', type=float, nargs='+',
-        help='joint angles about which the arm moves [rad], one value per joint')  # fmt: skip
+        help='joint angles at the centre of the motion [rad], one value per joint')  # fmt: skip
     add('--seed', type=int, default=1,
         help='seed of the random initial trajectories (default: %(default)s)')  # fmt: skip
     add('--starts', type=int, default=8,
@@ -86,13 +87,13 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add('--time-limit', type=float, default=55.0,
         help='time limit of the search [s] (default: %(default)s)')  # fmt: skip
     add('--excitation-config', type=Path,
-        help='YAML file with obstacles and with the fraction of each limit that the motion may '
-             'use')  # fmt: skip
+        help="YAML file with the obstacles, and with the fraction of each of the arm's limits that "
+             'the motion may use')  # fmt: skip
     add('--config', type=Path,
         help='arm configuration with motors and gears (default: the packaged file)')  # fmt: skip
     add('--urdf', type=Path,
-        help='URDF of another arm. Without --config the limits in the URDF apply, and the '
-             'limits of the options below')  # fmt: skip
+        help='URDF of another arm. Without --config, the limits in the URDF and in the options '
+             'below apply')  # fmt: skip
     add('--locked', nargs='*', default=[],
         help='joints of --urdf that the model treats as fixed, for example fingers')  # fmt: skip
     add('--package-directory', type=Path, action='append', default=[],

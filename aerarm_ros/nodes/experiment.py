@@ -1,4 +1,4 @@
-"""Compare the controllers of thesis 5.4 on the simulated arm.
+"""Compare the controllers of section 5.4 of the thesis on a simulated arm.
 
 The arm follows a trajectory with gravity compensation and with computed torque, with CAD and with
 true parameters, with and without disturbance observer. The base of the arm is still, tilted or
@@ -39,7 +39,7 @@ FUNDAMENTAL, HARMONICS = 0.1, 5
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run all cases and write the page; return the exit status."""
+    """Simulate all cases and write the page of results; return the exit status."""
     options = _parse(arguments)
     try:
         config, robot = load_arm_config(), load_robot()
@@ -71,11 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print('\n' + report.text())
     path = options.out / 'controllers.html'
     note = (
-        f'Motion with five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}). Parameters of the '
-        f'simulated arm: {origin}. "True" means that the controller uses the parameters of the '
-        'simulated arm. RMS and max refer to the periodic motion. "Final" is the error one second '
-        'after the motion; dry friction leaves an offset unless the controller has integral '
-        'action.'
+        f'The motion is random, with five harmonics of the fundamental frequency {FUNDAMENTAL} Hz '
+        f'(seed {options.seed}). Parameters of the simulated arm: {origin}. In the name of a case, '
+        '"true" means that the controller uses the parameters of the simulated arm. RMS and max '
+        'are errors during the periodic motion. "Final" is the error one second after the motion; '
+        'without integral action, dry friction causes this error.'
     )
     try:
         report.write(path, note)
@@ -103,7 +103,7 @@ def _cases(text: str) -> list[ExperimentCase]:
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = OneLineParser(prog=NAME, description=(__doc__ or '').splitlines()[0])
     parser.add_argument('--out', type=Path, default=Path('output') / NAME,
-        help='folder for the page (default: %(default)s)')  # fmt: skip
+        help='folder for the page of results (default: %(default)s)')  # fmt: skip
     parser.add_argument('--seed', type=int, default=1,
         help='seed of the random trajectory (default: %(default)s)')  # fmt: skip
     parser.add_argument(
@@ -119,7 +119,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     plant.add_argument(
         '--identified',
         type=optional_path,
-        help='URDF of an identified model, from which the simulated arm has its parameters',
+        help='URDF of an identified model; the simulated arm has the parameters of this model',
     )
     return parser.parse_args(arguments)
 
@@ -130,7 +130,7 @@ def _truth(
     """Return the parameters of the simulated arm, and a text with their source."""
     nominal = PlantParameters.nominal(config, robot)
     if options.identified is None:
-        return nominal.perturbed(options.arm_seed), f'the arm of seed {options.arm_seed}'
+        return nominal.perturbed(options.arm_seed), f'a random arm with the seed {options.arm_seed}'
     identified = load_robot(options.identified, joint_names=config.joint_names)
     truth = replace(
         nominal,
@@ -155,7 +155,10 @@ def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> Ram
 
 def _print_run(report: ExperimentReport, run: ExperimentRun, progress: str) -> None:
     name, joints, _, _, tool, *_ = report.add(run)
-    print(f'{progress:>6}  {name}: joints {joints} mrad, tool {tool} mm RMS', flush=True)
+    print(
+        f'{progress:>6}  {name}: RMS error of the joints {joints} mrad, of the tool {tool} mm',
+        flush=True,
+    )
 
 
 if __name__ == '__main__':

@@ -1,4 +1,4 @@
-"""Bridge with emulated boards: the software of the bridge controls a simulated arm."""
+"""Bridge with emulated boards: the same software as on a real arm drives a simulated arm."""
 
 from __future__ import annotations
 

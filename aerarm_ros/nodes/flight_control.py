@@ -1,4 +1,4 @@
-"""Fly the drone that carries the arm, from odometry and IMU, with feedforward of the arm's motion.
+"""Fly the drone that carries the arm, by odometry and IMU, and compensate the arm's motion.
 
 The node replaces an autopilot in emulation and on test benches. Set points arrive on
 flight_set_point or flight_trajectory. Without set points the drone hovers where the first odometry
@@ -54,7 +54,7 @@ PARAMETERS = ParameterTable(*ARM_FILES, DRONE_FILE, *FLIGHT_PARAMETERS, *REAL_TI
 
 
 class FlightControlNode:
-    """Answer every odometry message with the rotors' thrusts.
+    """Answer every odometry message with the thrusts that the rotors must produce.
 
     Without odometry the node levels the drone by the IMU's attitude, and the drone sinks slowly.
     Without odometry and IMU the node sends no command, so the rotors stop. After a permanent jump
@@ -107,7 +107,9 @@ class FlightControlNode:
                     self._take()
                 else:
                     self._note_silence()
-        print_answer(f'{NAME}: {self._answers} commands, {self._rejections} inputs rejected')
+        print_answer(
+            f'{NAME}: {self._answers} rotor commands sent, {self._rejections} inputs rejected'
+        )
 
     def close(self) -> None:
         """Destroy the node."""
@@ -142,7 +144,7 @@ class FlightControlNode:
         self._fly(stamp_ns)
 
     def _wait_for_arm(self) -> None:
-        """Wait for a late arm forecast; after a time-out, skip the wait until one is on time."""
+        """Wait for a late arm forecast; after a time-out, wait no more until one is on time."""
         if not self._is_forecast_late():
             self._waits_for_arm = True
             return
@@ -160,7 +162,7 @@ class FlightControlNode:
             self._try(self._requests.popleft())
 
     def _is_forecast_late(self) -> bool:
-        """Return whether the arm's forecast is late."""
+        """Return whether the newest forecast of the arm's motion ends before the present time."""
         now = self._estimator.stamp
         return now is not None and self._arm.is_late(now)
 
@@ -183,8 +185,8 @@ class FlightControlNode:
         elif self._target is not None and (attitude := self._estimator.attitude_alone()):
             self._thrust = self._law.level(attitude, dt)
             self._doing = (
-                'odometry is missing, so the drone levels by the IMU and sinks: check the '
-                'odometry topic'
+                'odometry is missing, so the node only keeps the drone level by the IMU, and the '
+                'drone sinks: check the odometry topic'
             )
         else:
             self._note_silence()
@@ -216,7 +218,8 @@ class FlightControlNode:
     def _go_along(self, message: MultiDOFJointTrajectory) -> None:
         if self._target is None:
             raise RejectedInputError(
-                'flight_trajectory rejected, because the drone has no position yet: check odometry'
+                'flight_trajectory rejected, because the position of the drone is not known yet: '
+                'check the odometry topic'
             )
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         begin = stamp or self._time

@@ -1,4 +1,4 @@
-"""Make topics and services of the drone's computer available on a computer on the ground.
+"""Make topics and services of the drone's computer available on the ground computer.
 
 The 1 kHz topics stay on the drone. The node sends joint states at a lower rate, diagnostics and the
 mode to the ground, and commands, service requests and the e-stop to the drone. The encrypted
@@ -67,7 +67,7 @@ PARAMETERS = ParameterTable(
 
 
 class GroundLink:
-    """Node on one end of the connection, on the drone or on the ground.
+    """Node at one end of the connection: on the drone's computer or on the ground computer.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class GroundLink:
         self._end = (DroneEnd if is_drone else GroundEnd)(self._node, values, key)
 
     def run(self) -> None:
-        """Relay messages until a stop signal."""
+        """Relay messages until the process receives a stop signal."""
         # Without PortWatch a publisher could wait for a new subscriber and delay an e-stop.
         with StopSignals(self._stop), PortWatch(), BackgroundExecutor(self._node):
             prepare_thread(self._values, self._node.get_logger())

@@ -29,7 +29,7 @@ _LIMIT_EXCEEDED = 1  # exit status if a value exceeds its limit of --verify
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the identifier; return 0, 1 if --verify fails, or 2 if an input is invalid."""
+    """Run the identifier; return exit status 0, or 1 if --verify fails, or 2 for invalid input."""
     parser = identifier_parser(_NAME, __doc__)
     options = parser.parse_args(without_ros_arguments(arguments))
     if not (options.bag or options.model or options.compare or options.each):
@@ -67,7 +67,8 @@ def _run(options: argparse.Namespace) -> int:
         return _report(error)
     except np.linalg.LinAlgError as error:
         return _report(
-            f'{error}: check that masses and inertias of the URDF and joint states are plausible'
+            f'the identification failed ({error}): check that the joint states, and masses and '
+            'inertias in the URDF are plausible'
         )
     return 0 if run.passed else _LIMIT_EXCEEDED
 

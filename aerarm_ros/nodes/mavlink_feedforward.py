@@ -193,7 +193,7 @@ class MavlinkFeedforward:
         self._line.close()
 
     def _listen(self, patience: float) -> None:
-        """Receive messages of the autopilot, and publish them as ROS messages."""
+        """Receive messages from the autopilot, and publish their contents as ROS messages."""
         try:
             messages = self._line.messages(patience)
         except OSError as error:
@@ -255,18 +255,19 @@ class MavlinkFeedforward:
         self._sent += 1
 
     def _link_problem(self, now: float) -> str:
-        """Return why set points may not be sent to the autopilot, '' if they may."""
+        """Return why the node must not send set points to the autopilot, or '' if it may."""
         found, wanted = self._autopilot.firmware, self.values.firmware
         if not self._autopilot.is_linked(now):
             return (
                 f'no heartbeat from the autopilot on {self.values.connection}: check the connection'
             )
         if found != wanted:
-            return f'the autopilot reports {found}, but firmware is {wanted}: correct firmware'
+            return f'the autopilot reports the firmware {found}, but the parameter firmware is '
+            f'{wanted}: correct the parameter'
         return ''
 
     def _wanted(self, now: float) -> FlightTarget | None:
-        """Return the present target of the drone, None without a valid set point."""
+        """Return the present target of the drone, or None without a valid set point."""
         if self._path is not None:
             begin, path = self._path  # the drone hovers at its end
             self._target, self._target_time = path.at(min(now - begin, path.duration)), now
@@ -290,15 +291,15 @@ class MavlinkFeedforward:
             state = self._autopilot.state(now)
             if state is None:
                 raise RejectedInputError(
-                    'flight_trajectory: the autopilot reports no position yet; wait for its '
-                    'position estimate'
+                    'flight_trajectory arrived before the autopilot reported a position: wait for '
+                    'its position estimate'
                 )
             stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
             delay = stamp - 1e-9 * self._clock.now_ns() if stamp else 0.0
             if not -1.0 < delay < 60.0:
                 raise RejectedInputError(
-                    f'flight_trajectory: its stamp is {delay:+.1f} s from now, but -1 to 60 s are '
-                    'accepted; set the stamp to zero ("now"), or synchronize the clocks'
+                    f'the stamp of flight_trajectory is {delay:+.1f} s from now, but must be from '
+                    '-1 to 60 s: set the stamp to zero ("now"), or synchronize the clocks'
                 )
             self._path = now + delay, to_path(message, _WORLD, FlightTarget.here(state))
 
@@ -311,14 +312,16 @@ class MavlinkFeedforward:
             response.message = problem
             return response
         if self._answered is not None:
-            response.message = "another request waits for the autopilot's answer: call again"
+            response.message = "another request waits for the autopilot's answer: repeat this "
+            'request later'
             return response
         ask()
         self._answered, self._answer_by = Future(), time.monotonic() + _REPLY
         await self._answered  # set points continue meanwhile
         self._answered = None
         response.success = self._autopilot.reply == 'accepted'
-        response.message = self._autopilot.reply or f'no answer within {_REPLY:g} s'
+        response.message = self._autopilot.reply or 'the autopilot did not answer within '
+        f'{_REPLY:g} s'
         if not response.success and self._autopilot.text:
             response.message += f': {self._autopilot.text}'
         return response
@@ -343,7 +346,7 @@ class MavlinkFeedforward:
             self.node.get_logger().warning(f'rejected: {error}', throttle_duration_sec=1.0)
 
     def _problem(self, now: float) -> str:
-        """Return the most important problem for the diagnostics, '' without one."""
+        """Return the most important problem for /diagnostics, or '' if there is none."""
         ahead, self._ahead = self._ahead, None
         if problem := self._link_problem(now):
             return problem
@@ -352,7 +355,7 @@ class MavlinkFeedforward:
         if now - self._rejected_at < _REMEMBERED:
             return f'rejected: {self._rejection}'
         if self._wanted(now) is None:
-            return 'no set points received, so the node sends none'
+            return 'no set points received, so the node sends none to the autopilot'
         return '' if ahead is None else time_problem(ahead, self.values.feed_lead)
 
     def _report(self) -> None:
@@ -380,7 +383,7 @@ class MavlinkFeedforward:
 
 
 def _channels(values: Any, drone: DroneConfig) -> list[int]:
-    """Return the index of each rotor in the autopilot's outputs; raise ValueError."""
+    """Return each rotor's index in the autopilot's outputs; raise ValueError for invalid values."""
     given, count = list(values.output_channels), drone.n
     most = 16 if values.firmware == ARDUPILOT else 32
     if not given and values.firmware == ARDUPILOT and values.output_rate > 0.0:

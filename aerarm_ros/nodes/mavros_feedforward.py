@@ -1,4 +1,4 @@
-"""Add the acceleration for the arm's motion to MAVROS's set points.
+"""Add the acceleration that compensates the arm's motion to the set points for MAVROS.
 
 The node subscribes to `setpoint_raw/local` and publishes on /mavros/setpoint_raw/local at 100 Hz;
 it needs mavros_msgs. The autopilot's hover thrust carries the arm's weight.
@@ -45,7 +45,7 @@ class MavrosFeedforward(SetPointNode):
     """Feedforward node that publishes set points for MAVROS, in ROS's axes."""
 
     def __init__(self) -> None:
-        advice = 'install it (apt: ros-jazzy-mavros-msgs), or use px4_feedforward'
+        advice = 'run sudo apt install ros-jazzy-mavros-msgs, or use the node px4_feedforward'
         self._last_ns = 0
         super().__init__(NAME, PARAMETERS, 'mavros_msgs', advice)
         self._offset = LoopOffset(ardupilot_loop(self.values))
@@ -64,14 +64,14 @@ class MavrosFeedforward(SetPointNode):
     def with_acceleration(
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
-        """Return a PositionTarget with the acceleration added; raise RejectedInputError."""
+        """Return the PositionTarget with an added acceleration; may raise RejectedInputError."""
         if self.values.firmware == PX4:
             return add_acceleration(set_point, acceleration, now_ns)
         dt, self._last_ns = 1e-9 * max(now_ns - self._last_ns, 0), now_ns
         return add_to_loop(set_point, acceleration, self._offset.update(acceleration, dt), now_ns)
 
     def moment_unit(self, drone: DroneConfig) -> float:
-        """Return the roll moment [Nm] for the autopilot's normalized torque 1, 0 if unknown."""
+        """Return the roll moment [Nm] at the autopilot's normalized torque 1, or 0 if unknown."""
         if self.values.firmware == PX4:
             return super().moment_unit(drone)
         return ardupilot_moment_unit(drone, self.node.get_logger().warning)
@@ -117,7 +117,7 @@ def add_acceleration(
         )
     if set_point.type_mask & _IS_FORCE:
         raise RejectedInputError(
-            'set point rejected: it sets a force, send an acceleration instead'
+            'set point rejected, because it contains a force: send an acceleration instead'
         )
     added = copy.deepcopy(set_point)
     position, velocity, wanted = (
@@ -136,7 +136,7 @@ def add_acceleration(
 
 
 def _fill(vector: Any, given: NDArray[np.bool_], added: NDArray[np.float64] = _ZERO) -> None:
-    """Add a vector to a Vector3, in which axes that are not `given` count as 0."""
+    """Add a vector to a Vector3, whose axes count as 0 if they are not `given`."""
     values = np.where(given, [vector.x, vector.y, vector.z], 0.0) + added
     vector.x, vector.y, vector.z = values.tolist()
 

@@ -104,7 +104,7 @@ def plan_settings(values: SimpleNamespace) -> dict[str, object]:
 
 
 def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> MotionPlanner:
-    """Create the planner; raises ValueError."""
+    """Create the planner; raises ValueError for invalid parameters."""
     model = EnergyModel(config, robot, values.rotor_inertia or None, load_share(values, robot))
     setup = load_setup(values, config, robot)
     planner = MotionPlanner(model, setup, PlanSettings(**plan_settings(values)))  # type: ignore[arg-type]
@@ -122,7 +122,7 @@ _REST_SPEED = 0.05  # [rad/s] a faster joint moves
 
 
 class MotionPlannerNode:
-    """Receive goals, plan motions with `MotionPlanner`, and publish them as trajectories.
+    """Receive goals, plan motions with `MotionPlanner`, and publish the motions as trajectories.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ class MotionPlannerNode:
         self._loop = PeriodicLoop(_PERIOD)
 
     def run(self) -> None:
-        """Plan motions until a stop signal."""
+        """Plan motions until the process receives a stop signal."""
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 
@@ -206,7 +206,7 @@ class MotionPlannerNode:
         if self._state is None:
             missing = ', '.join(self._states.missing)
             raise PlanError(
-                f'joint_states contains no {missing}: check the parameters config and tf_prefix'
+                f'joint_states lacks the joint {missing}: check the parameters config and tf_prefix'
                 if missing
                 else 'no joint_states received: start the bridge'
             )

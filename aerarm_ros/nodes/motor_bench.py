@@ -1,4 +1,4 @@
-"""Measure friction, inertia, torque constant, resistance and backlash of each drive, thesis 4.4.
+"""Measure friction, inertia, torque constant, resistance and backlash of drives, thesis 4.4.
 
 Usage: ros2 run aerarm_ros motor_bench --ros-args -p joints:="[joint4]" -p out:=DIRECTORY
 """
@@ -166,7 +166,7 @@ class MotorBenchNode:
         self._arm_at_end = ArmAtEnd(self._node, values)
 
     def run(self) -> None:
-        """Measure the drives and set `status` to the exit status."""
+        """Measure the drives, and set the attribute `status` to the exit status."""
         out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
@@ -271,7 +271,7 @@ class MotorBenchNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node; return 0 if all drives were measured and the results were written."""
+    """Run the node; return exit status 0 if all drives were measured and the results written."""
     return run_node(NAME, MotorBenchNode, args, PARAMETERS, __doc__)
 
 

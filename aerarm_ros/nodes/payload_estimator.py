@@ -96,7 +96,7 @@ class PayloadEstimatorNode(StateNode):
         self.listen(topics.ARM_MODE, self._on_mode)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Process a joint state, and publish the estimate if it is new."""
+        """Process a joint state, and publish a payload estimate if a new one exists."""
         now = stamp_ns * 1e-9
         if self._pause(now):
             self._estimator.pause()
@@ -148,7 +148,7 @@ class PayloadEstimatorNode(StateNode):
         return FrictionLog(Path(values.friction_file), names, values.friction_interval)
 
     def _pause(self, now: float) -> bool:
-        """Return whether the estimator must ignore the torques, because other forces may act."""
+        """Return whether to ignore the torques: the base or the arm's mode makes them unusable."""
         if self.base.problem(now):
             return True
         if self._mode and self._mode not in HELD:

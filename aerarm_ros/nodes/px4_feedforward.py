@@ -1,4 +1,4 @@
-"""Add the acceleration for the arm's motion to PX4's set points.
+"""Add the acceleration that compensates the arm's motion to the set points for PX4.
 
 The node subscribes to `trajectory_setpoint` and publishes on /fmu/in/trajectory_setpoint at 100
 Hz; it needs px4_msgs. PX4's estimate of the hover thrust carries the arm's weight. PX4 leaves
@@ -35,7 +35,8 @@ class Px4Feedforward(SetPointNode):
     """Feedforward node that publishes set points for PX4, in PX4's axes (NED, FRD)."""
 
     def __init__(self) -> None:
-        advice = 'build it in the workspace and source it, or use MAVROS and mavros_feedforward'
+        advice = 'build the package in the workspace and source the workspace, or use MAVROS and '
+        'the node mavros_feedforward'
         super().__init__(NAME, PARAMETERS, 'px4_msgs', advice)
         self._offboard_mode: Any = None
         if topic := self.values.offboard_mode_topic:
@@ -55,7 +56,7 @@ class Px4Feedforward(SetPointNode):
         return attitude_ned_frd_to_enu_flu([x, y, z, w])
 
     def publish(self, set_point: Any, now_ns: int) -> None:
-        """Publish the OffboardControlMode that PX4 monitors, then the set point."""
+        """Publish the message OffboardControlMode, which PX4 requires, then the set point."""
         if self._offboard_mode is not None:
             mode = self._offboard_mode.msg_type()
             mode.timestamp = now_ns // 1000
@@ -66,7 +67,7 @@ class Px4Feedforward(SetPointNode):
     def with_acceleration(
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
-        """Return a TrajectorySetpoint with the acceleration added."""
+        """Return the TrajectorySetpoint with an added acceleration."""
         return add_acceleration(set_point, acceleration, now_ns)
 
 

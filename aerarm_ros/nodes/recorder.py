@@ -118,7 +118,7 @@ class Recorder:
             self._log_counts()
 
     def close(self) -> None:
-        """Complete the bag unless it is complete, and destroy the node."""
+        """Complete the bag if this was not done yet, and destroy the node."""
         try:
             self._feed.complete()
         except BagError as error:
@@ -153,12 +153,12 @@ class Recorder:
             self._node.get_logger().info(f'publishers found: {", ".join(matched) or "none"}')
 
     def _warn(self, matched: list[int]) -> None:
-        """Log warnings about topics without a publisher, and with several publishers."""
+        """Log warnings about unrecordable publishers and several publishers of joint_states."""
         for text in filter(None, [*self._check.news(matched), self._sources.news()]):
             self._node.get_logger().warning(text)
 
     def _publish_recorded_until(self) -> None:
-        """Publish the stamp of the newest recorded joint state; an emulated world waits for it."""
+        """Publish the stamp of the newest recorded joint state, for which an emulation may wait."""
         until = self._feed.until()
         if until:
             self._until.publish(until)
@@ -177,7 +177,7 @@ class Recorder:
         last = self._losses.last
         problem = f'{sum(losing.values())} messages of {names} were lost'
         if last is not None:
-            problem += f'; cause of the last loss: {last.cause}'
+            problem += f' (cause of the last loss: {last.cause})'
         messages, size = self._feed.written()
         values = {
             'bag': self._directory,
@@ -196,7 +196,10 @@ class Recorder:
         for name, (count, lost) in counts.items():
             self._log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost', lost)
         for name in self._feed.silent():
-            self._log(f'{name}: 0 messages, because the publisher sent none or all were lost', None)
+            self._log(
+                f'{name}: 0 messages, because the publisher sent none or all messages were lost',
+                None,
+            )
         if not counts.keys() - {self._own}:
             self._node.get_logger().warning(
                 'no messages received: check that a bridge runs in this ROS domain (ROS_DOMAIN_ID)'

@@ -41,7 +41,7 @@ PARAMETERS = ParameterTable(
 
 
 class ToolPath:
-    """Compute tool positions from joint states, and publish the newest of them as a path.
+    """Compute tool positions from joint states, and publish the newest positions as a path.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class ToolPath:
         self._loop = PeriodicLoop(1.0 / values.rate)
 
     def run(self) -> None:
-        """Publish the path of the tool until a stop signal."""
+        """Publish the path of the tool until the process receives a stop signal."""
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 

@@ -61,7 +61,7 @@ PARAMETERS = ParameterTable(
 
 
 class ViewError(ValueError):
-    """Error if the page cannot be served; the message states what to do."""
+    """The page cannot be served; the message states what to do."""
 
 
 class View:
@@ -121,14 +121,15 @@ class View:
         self._serve(robot, base)
 
     def run(self) -> None:
-        """Update the page until a stop signal."""
+        """Update the page until the process receives a stop signal."""
         address = self._guard.address(self._values.host, self._server.get_port())
         # Printed instead of logged: the log is published and stored, and the address may contain a
         # token.
         print(f'{NAME}: open {address} in a browser', flush=True)
         if not is_loopback(self._values.host):
             self._node.get_logger().warning(
-                'the page is open to the network: every person with its URL can move the arm'
+                "the page is open to the network: every person who knows the page's URL can move "
+                'the arm'
             )
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
@@ -151,7 +152,7 @@ class View:
             from aerarm_ros.ros.page.view_plots import ViewPlots
             from aerarm_ros.ros.page.view_scene import ViewScene
         except ImportError as error:
-            raise ViewError(f"{error}: install it with pip install 'viser>=1.1,<2'") from None
+            raise ViewError(f"{error}: run pip install 'viser>=1.1,<2'") from None
         _check_address(self._values.host)
         # Unused connections of a browser are not errors, and `run` prints the address.
         logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
@@ -242,7 +243,7 @@ class View:
             self._diagnostics.add(status.name, ViewStatus(level, status.message, values, now))
 
     def _show_rejection(self, name: str, values: Mapping[str, str]) -> None:
-        """Show the reason of a controller's last rejection once after each new rejection."""
+        """Show once per rejection why a controller has rejected an input."""
         count = values.get('rejected inputs')
         before = self._rejections.get(name)
         if count is not None:

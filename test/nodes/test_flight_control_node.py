@@ -276,7 +276,7 @@ def test_implausible_inputs_are_named_and_the_drone_stays_level(drone: DroneSens
     drone.hover_until('in order')
     # Silent odometry: level by the IMU, sinking.
     deadline = time.monotonic() + PATIENCE
-    while not any('levels by the IMU' in text for text in drone.problems):
+    while not any('level by the IMU' in text for text in drone.problems):
         drone.step(None, drone.imu_message())
         assert time.monotonic() < deadline, drone.problems
     assert drone.thrust() == pytest.approx(0.97 * WEIGHT, rel=0.02)

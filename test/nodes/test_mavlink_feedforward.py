@@ -199,7 +199,7 @@ def test_set_points_continue_while_a_request_waits(bench: Bench) -> None:
         bench.until(lambda: False, 0.1)
         if len(bench.autopilot.of('SET_POSITION_TARGET_LOCAL_NED')) > count:
             times.append(time.monotonic())
-    assert future.result().message.startswith('no answer within 2 s')
+    assert future.result().message.startswith('the autopilot did not answer within 2 s')
     assert times[-1] - times[0] > 1.2, 'beyond set_point_timeout'
 
 
@@ -240,13 +240,13 @@ def test_a_lost_link_and_damaged_frames_are_on_diagnostics(bench: Bench) -> None
 def test_ardupilot_gets_moving_set_points_and_reports_its_motors(bench: Bench) -> None:
     autopilot = bench.autopilot
     # As long as the autopilot is another one than the parameter says, it gets no set points.
-    assert bench.until(lambda: bench.text.startswith('the autopilot reports px4'))
+    assert bench.until(lambda: bench.text.startswith('the autopilot reports the firmware px4'))
     bench.lead(0.5)
     bench.until(lambda: False, 0.5)
     assert autopilot.of('SET_POSITION_TARGET_LOCAL_NED') == []
     response = bench.call('arm')
     assert (response.success, autopilot.commands()) == (False, [])
-    assert response.message.startswith('the autopilot reports px4')
+    assert response.message.startswith('the autopilot reports the firmware px4')
     autopilot.firmware, autopilot.custom_mode = ARDUPILOT, 5
     assert bench.until(lambda: bench.status.get('mode') == 'loiter')
     assert bench.until(lambda: 'rotor_command' in bench.received)

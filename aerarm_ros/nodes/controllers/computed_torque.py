@@ -45,7 +45,7 @@ PARAMETERS = controller_parameters(
 
 
 class ComputedTorqueNode(TrajectoryController):
-    """Trajectory controller with the law `ComputedTorque` or `BoardComputedTorque`."""
+    """Trajectory controller with the control law `ComputedTorque` or `BoardComputedTorque`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
@@ -72,17 +72,17 @@ class ComputedTorqueNode(TrajectoryController):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Check that the law can execute `contact_reaction`, then subscribe to the references."""
+        """Check that the law supports `contact_reaction`, then subscribe to the references."""
         self.check_parameter(REACTION, self.values.contact_reaction)
         super().subscribe()
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Raise ValueError for invalid gains, or a value that `feedback` does not permit."""
+        """Raise ValueError if a gain is invalid, or if `feedback` does not permit the new value."""
         is_host = isinstance(self.law, ComputedTorque)
         if name == REACTION and value == Reaction.COMPLY.value and not is_host:
             raise ValueError(
-                "with feedback 'boards' the arm cannot comply: set contact_reaction to stop or "
-                "retreat, or set feedback to 'host'"
+                "with feedback 'boards' the controller cannot execute the contact reaction "
+                "'comply': set contact_reaction to stop or retreat, or set feedback to 'host'"
             )
         if name in ('kp', 'kd'):
             if not is_host:

@@ -38,7 +38,7 @@ PARAMETERS = controller_parameters(
 
 
 class GravityCompensationNode(TrajectoryController):
-    """Trajectory controller with the law `GravityCompensation`."""
+    """Trajectory controller with the control law `GravityCompensation`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
@@ -60,15 +60,16 @@ class GravityCompensationNode(TrajectoryController):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def require_commandable(self, what: str) -> None:
-        """Raise RejectedInputError if `what` cannot move the arm now, as during hand guiding."""
+        """Raise RejectedInputError if the topic or action `what` cannot move the arm now."""
         super().require_commandable(what)
         if self.law.hand_guiding:
             raise RejectedInputError(
-                f'{what} rejected while hand_guiding is true: set hand_guiding to false first'
+                f'{what} rejected, because the parameter hand_guiding is true: set it to false '
+                'first'
             )
 
     def ahead(self, times: Array) -> JointReference | None:
-        """Return the planned motion at times (M,) [s], None while a person moves the arm."""
+        """Return the planned motion at times (M,) [s], or None while a person moves the arm."""
         return None if self._was_guided else super().ahead(times)
 
     def before_update(self, state: ArmState, now: float) -> None:

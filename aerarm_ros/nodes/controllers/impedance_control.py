@@ -1,4 +1,4 @@
-"""Move the tool to targets with Cartesian impedance control, as if a spring pulled the tool."""
+"""Move the tool to targets by Cartesian impedance control, as if a spring pulled the tool."""
 
 import sys
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ PARAMETERS = controller_parameters(
 
 
 class ImpedanceControlNode(ControllerNode):
-    """Controller for tool targets with the law `CartesianImpedance`."""
+    """Controller that moves the tool to targets with the control law `CartesianImpedance`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)

@@ -53,7 +53,7 @@ PARAMETERS = controller_parameters(
 
 
 class KinematicControlNode(ControllerNode):
-    """Controller for tool targets with `CartesianMotionControl` or `JointMotionControl`."""
+    """Controller with the control law `CartesianMotionControl` or `JointMotionControl`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
@@ -81,7 +81,7 @@ class KinematicControlNode(ControllerNode):
         self.tool = ToolTopics(self, self.follower, self.values.frame)
 
     def describe(self) -> dict[str, object]:
-        """Return the distance from singularities and the slowdown, for /diagnostics."""
+        """Return singular value and slowdown of the inverse kinematics, for /diagnostics."""
         return {
             **super().describe(),
             'smallest singular value [m/rad]': round(self.resolution.least_singular_value, 4),

@@ -141,7 +141,7 @@ PARAMETERS = controller_parameters(
 
 
 class WorldControlNode(ControllerNode):
-    """Controller of tool targets in the world frame with `WorldLaw`."""
+    """Controller for tool targets in the world frame, with the control law `WorldLaw`."""
 
     takes_odometry = True
 
@@ -202,14 +202,14 @@ class WorldControlNode(ControllerNode):
         return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Subscribe to targets, and advertise the plan, the tool and the remaining reach."""
+        """Subscribe to targets; create publishers of planned motion, tool pose and reach."""
         self.topics = WorldTopics(self, self.reference, self.values)
         self.attend(self.topics)
         self.publish_plan(self._ahead)
         self.take_payload()
 
     def take_imu(self, sample: ImuSample, now: float) -> None:
-        """Pass an IMU sample to all estimators of the base."""
+        """Pass an IMU sample to all estimators of the base's motion."""
         super().take_imu(sample, now)
         self.pose.offer_imu(sample, now)
         if self._measured is not None:
@@ -223,7 +223,7 @@ class WorldControlNode(ControllerNode):
         self.pose.offer_odometry(to_odometry_sample(message), now)
 
     def _ahead(self, times: NDArray[np.float64]) -> JointReference | None:
-        """Return the planned joint motion at times (M,) [s], without the reaction to the drone."""
+        """Return the planned joint motion at times (M,) [s]; it ignores the drone's motion."""
         if self.state is None:
             return None
         now, q = 1e-9 * self.stamp_ns, self.state.q
@@ -236,7 +236,7 @@ class WorldControlNode(ControllerNode):
         self.law.gains = self.law.gains._replace(**{name: float(value)})
 
     def warning(self) -> str:
-        """Return why the tool is not held in the world, or that its reach ends soon."""
+        """Return a warning if the tool is not held in the world or the reach ends soon."""
         if problem := super().warning():
             return problem
         if self.reference.reason:
@@ -247,16 +247,16 @@ class WorldControlNode(ControllerNode):
         if margin is not None and (margin.time < _SOON or margin.least < _NEAR):
             return (
                 'the arm is near the end of its reach: the drone may move '
-                f'{1000.0 * margin.least:.0f} mm more, which takes {margin.time:.1f} s at its '
-                'velocity. Move the drone nearer to the tool'
+                f'{1000.0 * margin.least:.0f} mm further, which takes {margin.time:.1f} s at its '
+                'present velocity. Move the drone nearer to the tool'
             )
         pusher = self.reference.force
         if pusher is not None and pusher.reason:
-            return f'the tool no longer presses: {pusher.reason}'
+            return f'the tool no longer presses on the wall: {pusher.reason}'
         return ''
 
     def describe(self) -> dict[str, object]:
-        """Return tool error, odometry age and remaining reach for diagnostics."""
+        """Return tool error, age of the odometry and remaining reach, for /diagnostics."""
         pose, margin = self.pose, self.topics.margin
         values: dict[str, object] = {
             **super().describe(),
@@ -277,7 +277,8 @@ class WorldControlNode(ControllerNode):
             values['drone may move [mm]'] = round(1e3 * margin.least)
             values['time to end of reach [s]'] = round(margin.time, 1)
         if self.values.base_motion != FREE:
-            values['law'] = 'fixed-base Jacobian, because base_motion is not free'
+            values['law'] = 'with the Jacobian of a fixed base, because the parameter base_motion '
+            'is not free'
         return values
 
 
