@@ -108,7 +108,7 @@ class HoldingBench:
         if case.law == HELD:
             self.law = self._start(stack, 'computed_torque', law)
         else:
-            law['posture'] = list(POSTURE)
+            law.update(posture=list(POSTURE), mass_ratio_min=0.0)
             odometry = ('--ros-args', '-r', 'odometry:=external_odometry', '--')
             self.law = self._start(stack, 'world_control', law, odometry)
         world = {'seed': arm.seed, 'drone_file': file, **case.world}

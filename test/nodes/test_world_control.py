@@ -10,11 +10,13 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 
 from aerarm_ros.ros.executors import spin_until
+from aerarm_ros.ros.process.process_end import USER_ERROR
 
 sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
 from flying.arm_model import ArmModel
 from flying.pushing_bench import PushingBench
 from flying.pushing_case import FULL, PushingCase
+from flying.scaled_drone import scaled_drone, write_drone
 
 PATIENCE = 60.0  # [s] of the host, for diagnostics
 
@@ -56,3 +58,10 @@ def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
         bench._seen(0.5)
         assert bench._force == 0.0
         assert spin_until(ros_node, lambda: bench.said('world_control') == 'in order', PATIENCE)
+
+
+def test_a_drone_that_would_crash_is_rejected(ros_domain: dict[str, str], tmp_path: Path) -> None:
+    file = write_drone(scaled_drone(2.0), tmp_path / 'drone.yaml')
+    done = run('world_control', parameters={'drone_file': file, 'base_motion': 'free'})
+    assert done.returncode == USER_ERROR
+    assert '1.3 times as heavy as the arm' in done.stderr

@@ -28,6 +28,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     FRICTION_PARAMETERS,
     REACHING_COMPENSATION,
     ROTOR_PARAMETERS,
+    ControlledArm,
     observer_parameters,
 )
 from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
@@ -52,6 +53,7 @@ _SOON = 3.0  # [s] before the tool leaves the arm's reach, for a warning
 _NEAR = 0.02  # [m]
 _FRICTION_ERROR = 0.5  # expected error of a joint's dry friction, relative to the friction
 _RECOVERY = 5.0, 0.5  # [rad/s], [m/s^2] of the slow approach after a stop
+_MASS_RATIO = 1.9  # drones of 1.7 times the arm's mass crashed in simulated wind, of 2.0 did not
 
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
@@ -93,6 +95,10 @@ PARAMETERS = controller_parameters(
             'lower limit of the weight that the controller gives to the predicted base motion; '
             'the controller estimates the weight, and wind lowers the estimate'
         ), '', 0.0, 1.0),
+        Parameter('mass_ratio_min', _MASS_RATIO, (
+            'smallest ratio of the masses of drone and arm that the node accepts with base_motion '
+            'free; lighter drones crashed in simulated wind'
+        ), '', 0.0, 100.0),
     ),
     *grouped(
         'Odometry',
@@ -154,6 +160,7 @@ class WorldControlNode(ControllerNode):
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         kinematics = Kinematics(arm.robot, values.frame)
         if isinstance(self.base, FreeBaseEstimator):
+            _require_heavy_drone(arm, values.mass_ratio_min)
             self.base.correction = AnswerCorrection(
                 values.correction_cutoff, values.accelerometer_bias, values.trust_min
             )
@@ -280,6 +287,19 @@ class WorldControlNode(ControllerNode):
             values['law'] = 'with the Jacobian of a fixed base, because the parameter base_motion '
             'is not free'
         return values
+
+
+def _require_heavy_drone(arm: ControlledArm, least: float) -> None:
+    assert arm.drone is not None
+    mass = float(arm.robot.inertial_parameters[:, 0].sum())
+    ratio = arm.drone.mass / mass
+    if ratio < least:
+        raise ValueError(
+            f'drone_file: the drone is {ratio:.1f} times as heavy as the arm of {mass:.2f} kg; a '
+            'drone this light can become unstable while the arm holds its tool. Check both masses, '
+            f'or set mass_ratio_min (now {least:g}) lower if simulated flights with this drone and '
+            'its gains are stable'
+        )
 
 
 def _force_settings(values: Any) -> ForceSettings:
