@@ -127,5 +127,7 @@ def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
 def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:
     for (name, value), module in _MODULES.items():
         if arguments.get(name) == value and find_spec(module) is None:
-            yield f'the launch argument {name}:={value} needs the Python package {module}: '
-            f'{_HOW[module]}'
+            yield (
+                f'the launch argument {name}:={value} needs the Python package {module}: '
+                f'{_HOW[module]}'
+            )

@@ -76,8 +76,9 @@ _CALIBRATE = (
     'THE ARM MOVES'
 )
 _INIT = "write the first configuration files of an arm from the arm's URDF"
-_COMMISSION = 'guide the user through the first power-on of each joint: THE ARM MOVES after the '
-'user confirms'
+_COMMISSION = (
+    'guide the user through the first power-on of each joint: THE ARM MOVES after the user confirms'
+)
 _TIMEOUT = 20.0  # [s]
 # Twice the longest time that a new node needs to discover a bridge.
 _STOP_TIMEOUT = 8.0  # [s]

@@ -262,8 +262,10 @@ class MavlinkFeedforward:
                 f'no heartbeat from the autopilot on {self.values.connection}: check the connection'
             )
         if found != wanted:
-            return f'the autopilot reports the firmware {found}, but the parameter firmware is '
-            f'{wanted}: correct the parameter'
+            return (
+                f'the autopilot reports the firmware {found}, but the parameter firmware is '
+                f'{wanted}: correct the parameter'
+            )
         return ''
 
     def _wanted(self, now: float) -> FlightTarget | None:
@@ -312,16 +314,18 @@ class MavlinkFeedforward:
             response.message = problem
             return response
         if self._answered is not None:
-            response.message = "another request waits for the autopilot's answer: repeat this "
-            'request later'
+            response.message = (
+                "another request waits for the autopilot's answer: repeat this request later"
+            )
             return response
         ask()
         self._answered, self._answer_by = Future(), time.monotonic() + _REPLY
         await self._answered  # set points continue meanwhile
         self._answered = None
         response.success = self._autopilot.reply == 'accepted'
-        response.message = self._autopilot.reply or 'the autopilot did not answer within '
-        f'{_REPLY:g} s'
+        response.message = self._autopilot.reply or (
+            f'the autopilot did not answer within {_REPLY:g} s'
+        )
         if not response.success and self._autopilot.text:
             response.message += f': {self._autopilot.text}'
         return response

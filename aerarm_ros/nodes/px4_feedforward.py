@@ -35,8 +35,10 @@ class Px4Feedforward(SetPointNode):
     """Feedforward node that publishes set points for PX4, in PX4's axes (NED, FRD)."""
 
     def __init__(self) -> None:
-        advice = 'build the package in the workspace and source the workspace, or use MAVROS and '
-        'the node mavros_feedforward'
+        advice = (
+            'build the package in the workspace and source the workspace, or use MAVROS and '
+            'the node mavros_feedforward'
+        )
         super().__init__(NAME, PARAMETERS, 'px4_msgs', advice)
         self._offboard_mode: Any = None
         if topic := self.values.offboard_mode_topic:

@@ -284,8 +284,9 @@ class WorldControlNode(ControllerNode):
             values['drone may move [mm]'] = round(1e3 * margin.least)
             values['time to end of reach [s]'] = round(margin.time, 1)
         if self.values.base_motion != FREE:
-            values['law'] = 'with the Jacobian of a fixed base, because the parameter base_motion '
-            'is not free'
+            values['law'] = (
+                'with the Jacobian of a fixed base, because the parameter base_motion is not free'
+            )
         return values
 
 
