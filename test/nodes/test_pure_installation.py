@@ -45,8 +45,10 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Path:
     reach = (sys.executable, '-m', 'pip', 'download', '--no-deps', '--dest', folder, 'argcomplete')
     if run(*reach).returncode:
         pytest.skip('no package index can be reached: check the network')
-    venv.create(folder / 'env', with_pip=True)
-    done = run(folder / 'env/bin/python', '-m', 'pip', 'install', '--quiet', source)
+    # The pip of this process installs, and only imported modules are compiled.
+    venv.create(folder / 'env')
+    pip = (sys.executable, '-m', 'pip', '--python', folder / 'env/bin/python')
+    done = run(*pip, 'install', '--quiet', '--no-compile', source)
     assert done.returncode == 0, done.stderr
     return folder / 'env/bin'
 
