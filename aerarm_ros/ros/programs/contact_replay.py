@@ -357,11 +357,14 @@ def event_text(event: ContactEvent, place: ContactPlace | None, names: Sequence[
             f'{event.end - event.begin:.2g} s later'
         )
     size = float(event.torque[event.joint])
-    text += f', {names[event.joint]} {size:+.3g} Nm ({event.ratio:.2g} times the threshold)'
+    text = (
+        f'{text}, torque of {names[event.joint]} {size:+.3g} Nm ({event.ratio:.2g} times the '
+        'threshold)'
+    )
     if place is None:
         return text
     force = f'{np.linalg.norm(place.force):.3g} N at {place.link}'
-    return f'{text}, {force if place.is_determined else f"at least {force}"}'
+    return f'{text}, force {force if place.is_determined else f"at least {force}"}'
 
 
 def _summary(bag: SearchedBag) -> dict[str, Any]:

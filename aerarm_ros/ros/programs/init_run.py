@@ -80,7 +80,7 @@ class InitRun:
                 written = 'check_clearance: false, so motions are NOT checked for collisions'
             print(f'arm init: warning: {draft.problem}. The written files contain {written}')
         print(
-            'Try the files on emulated boards, each line in a separate terminal:\n'
+            'Try the files on emulated boards. Run each line in a separate terminal:\n'
             f'  fake_hardware --ros-args {self._parameters()}\n'
             '  arm home --wait-before unhomed --wait ready\n'
             f'  excitation --ros-args {self._parameters()} -p '
