@@ -275,7 +275,8 @@ def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.
     guard
         Guard that checks the requests.
     report
-        Called from the server's thread with rejected requests, at most once in ten seconds.
+        Function that the server's thread calls with a text about a rejected request, at most once
+        in ten seconds.
 
     Raises
     ------

@@ -33,7 +33,8 @@ class PageCommissioning:
     config, urdf
         Configuration and URDF of the arm, '' for the packaged files.
     is_watched
-        Returns whether a browser shows the page; otherwise the procedure ends with motors off.
+        Function that returns whether a browser shows the page. If no browser shows the page, the
+        procedure ends with motors off.
 
     Attributes
     ----------
@@ -78,8 +79,9 @@ class PageCommissioning:
     def begin(self, joints: Sequence[str], resume: bool, emulated: str = '') -> None:
         """Start commissioning the joints `joints`, or all joints of the arm if `joints` is empty.
 
-        `resume` skips joints that have passed. If `emulated` names a bridge, an emulated hand turns
-        the joints and confirms all prompts. Raises RuntimeError if a procedure is running.
+        With `resume`, the procedure skips joints that have passed. If `emulated` names a bridge, an
+        emulated hand turns the joints and confirms all prompts. Raises RuntimeError if a procedure
+        is running.
         """
         with self._lock:
             if self.runs:

@@ -251,7 +251,7 @@ class ViewControls:
                 for name, (low, high) in zip(names, limits, strict=True)
             ]
             gui.add_button('Move to slider values').on_click(lambda _: self._go())
-            gui.add_button('Set sliders to the present configuration').on_click(
+            gui.add_button('Set sliders to the present joint angles').on_click(
                 lambda _: self._take_posture()
             )
             self._has_target = gui.add_checkbox('move the tool by dragging a target', False)

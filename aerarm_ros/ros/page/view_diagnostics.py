@@ -57,7 +57,8 @@ class ViewDiagnostics:
     Parameters
     ----------
     stale_after
-        Age above which the page shows a status as stale [s]. Nodes publish one per second.
+        Age above which the page shows a status as stale [s]. Nodes publish their status once per
+        second.
     gone_after
         Age above which the page no longer shows a status, because its node has ended [s].
     """

@@ -98,8 +98,8 @@ class WindowReader:
     def take(self) -> Array | None:
         """Return the minima and maxima of position, velocity and effort since the last call.
 
-        The shape is (2, 3, n). Both are NaN where a window has NaN.
-        Return None if no window was received, as on the host of the bridge.
+        The shape is (2, 3, n). Minimum and maximum are NaN if a window contains NaN. Return None if
+        no window was received, for example on the host of the bridge.
         """
         sides = []
         for index, (decoder, extreme) in enumerate(
@@ -277,7 +277,7 @@ class _Quantity:
     """Quantity of one plot: its title, and the names of its data in `ROWS`, '' for base poses.
 
     The vertical scale covers at least plus and minus `small`, so that noise does not fill the
-    plot. Its labels have three decimals.
+    plot. The labels of the scale have three decimals.
     """
 
     title: str

@@ -65,7 +65,7 @@ class CalibrateArm:
         ------
         ArmClientError
             If arm, controller or sensor is missing, no postures can be selected, or the arm does
-            not reach a posture. The bag then contains the recording up to this posture.
+            not reach a posture. In the last case the bag contains the recording up to this posture.
         """
         options = self._options
         if options.marker_normal and not options.camera:

@@ -53,8 +53,9 @@ def identify(bag: Path, settings: argparse.Namespace) -> Row:
     Returns
     -------
     dict
-        Value by column name, None for a missing value. A parameter has the name of its column in
-        the regressor, and its standard deviation this name with the suffix `_std`.
+        Value by column name, None for a missing value. The column of a parameter has the name of
+        the parameter's regressor column. The column of the parameter's standard deviation has this
+        name with the suffix `_std`.
 
     Raises
     ------

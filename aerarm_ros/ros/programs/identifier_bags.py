@@ -206,7 +206,7 @@ def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
     """Return warnings if the number of messages differs from the number in metadata.yaml.
 
     If a bag contains fewer messages than metadata.yaml lists, messages were lost after recording.
-    A killed recorder leaves a number that is too low, or no metadata.yaml.
+    A killed recorder leaves a metadata.yaml with a number that is too low, or no metadata.yaml.
     """
     kept, expected = len(contents.joint_states[topic]), contents.expected
     count = kept + contents.left_out

@@ -35,8 +35,8 @@ _OPTIONS: tuple[Option, ...] = (
         'recordings of the same arm with a payload, from which the identifier estimates the '
         "payload's mass, centre of mass and inertia"),
     ('--model', {'type': optional_path, 'metavar': 'FILE'},
-        'identified model of the arm, estimate.yaml: the identifier then estimates only the '
-        'payload of --payload, and needs no --bag'),
+        'identified model of the arm, estimate.yaml; with this option the identifier estimates '
+        'only the payload of --payload, and needs no --bag'),
     ('--each', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'BAG'},
         'identify one arm per bag and write one table of all arms. Pass bags, folders, a quoted '
         'pattern, or a .txt file with one path per line. To continue an interrupted run, repeat '
@@ -46,8 +46,8 @@ _OPTIONS: tuple[Option, ...] = (
     ('--worker-memory', {'type': float, 'default': 4.0, 'metavar': 'GIB'},
         'memory limit of each process of --each [GiB]; 0 for no limit (default: %(default)g)'),
     ('--ray', {'default': '', 'metavar': 'ADDRESS'},
-        "address of the Ray cluster on which to run --each; 'local' starts a cluster on this "
-        'computer'),
+        'address of the Ray cluster that runs the identifications of --each; '
+        "'local' starts a cluster on this computer"),
     ('--holdout', {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
         'fraction of each recording of --bag, taken from its end, for validation instead of '
         'identification'),

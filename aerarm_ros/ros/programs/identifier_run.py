@@ -142,7 +142,7 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
             f'the estimated gravity differs by {degrees:.2f} degrees from the direction of '
-            '--gravity; the result uses the estimate'
+            '--gravity; the result uses the estimated gravity'
         )
     lines += [f'{bag}: {known.text}' for bag, known in facts.items()]
     return '\n'.join(lines)

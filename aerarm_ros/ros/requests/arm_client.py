@@ -133,7 +133,7 @@ class ArmClient:
         action
             One of `STOPS` that was given to the constructor.
         timeout
-            Longest time to find bridges, and again for the answer of each [s].
+            Longest time to find bridges, and again for the answer of each bridge [s].
 
         Raises
         ------
@@ -272,7 +272,7 @@ class ArmAtEnd:
         log = self._node.get_logger()
         # rclpy fixes the severity of each line of code that logs.
         if done:
-            log.info(f'at the end {text}')
+            log.info(f'at the end of this node: {text}')
         # A bridge that ends at the same time cannot hold the arm.
         elif self._hold.found and not text.endswith(NOT_ACTIVE):
             log.warning(f'the bridge does not hold the arm at the end of this node: {text}')

@@ -32,8 +32,8 @@ class ServiceCall:
     timeout
         Longest time to wait for the answer [s].
     waits
-        Whether to keep waiting for a bridge that has disappeared, because a bridge on a host that
-        pauses for seconds seems to have disappeared too.
+        Whether to keep waiting for a bridge that has disappeared from the ROS graph. A bridge also
+        disappears for a while if its host pauses for seconds.
     repeats
         Whether to repeat the request until an answer arrives. An answer is lost if the bridge has
         not yet discovered the client. Set this only for requests that may be executed twice.
@@ -158,7 +158,8 @@ class BridgeFinder:
         Owner of the clients; the finder searches the ROS graph of this node.
     action
         Name of the service, one of `ACTIONS`. The finder searches the node's namespace. If that
-        namespace has no bridge and `action` is in `REACHES_ALL`, it searches all namespaces.
+        namespace has no bridge and `action` is in `REACHES_ALL`, the finder searches all
+        namespaces.
     bridges
         Node names of expected bridges. Their clients are created at once, because the first
         answer is lost if the bridge has not yet discovered the client.
@@ -192,8 +193,8 @@ class BridgeFinder:
         """Return the client of each running bridge, with the bridge's full name as the key.
 
         `in_vain` means that the node's own namespace was already searched without success. An
-        emergency stop then searches all namespaces at once. A client may not be ready yet. It is
-        None if this node is not allowed to call that bridge.
+        emergency stop then searches all namespaces at once. A returned client may not be ready yet.
+        The client is None if a security policy does not allow this node to call the bridge.
         """
         with self._lock:
             names = self._look(in_vain)
@@ -417,7 +418,7 @@ class StopService:
     bridges
         Node names of expected bridges, relative or absolute.
     timeout
-        Longest time to find bridges, and again for the answer of each [s].
+        Longest time to find bridges, and again for the answer of each bridge [s].
     """
 
     def __init__(

@@ -97,7 +97,7 @@ class RejectionWatch:
         Parameters
         ----------
         timeout
-            Longest time for a new controller to receive the arm's mode [s]. Before that, the
+            Longest time for a new controller to receive the arm's mode [s]. Without the mode, the
             controller rejects every input.
         """
         if spin_until(self._node, lambda: self._modes, _REPORT):
@@ -218,7 +218,7 @@ class SetPointRequest(_MotionRequest):
         ------
         ArmClientError
             If no bridge or controller runs, the posture has the wrong number of joints, or a
-            controller rejects or does not reach it.
+            controller rejects or does not reach the posture.
         """
         names = self._find_arm(timeout, on_wait)
         if len(posture) != len(names):
@@ -445,7 +445,7 @@ class PressRequest(_MotionRequest):
         Raises
         ------
         ArmClientError
-            If `world_control` does not run, rejects the force, or does not reach it.
+            If `world_control` does not run, rejects the force, or does not reach the force.
         """
         self._find(timeout, on_wait)
         message = WrenchStamped()

@@ -37,7 +37,7 @@ class ParameterRequest:
     Raises
     ------
     ArmClientError
-        If the node is not found. The methods raise it if the node does not answer.
+        If the node is not found. The methods also raise this error if the node does not answer.
     """
 
     def __init__(self, node: Node, target: str, timeout: float) -> None:

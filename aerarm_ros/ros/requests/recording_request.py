@@ -93,7 +93,9 @@ class RecordingRequest:
         self._begin()
         with StopSignals(self._stop):
             self._ask_until(RECORD, (RECORDING, ENDED), deadline)
-            self._print(f'the drone records {self._name}: Ctrl-C ends it and fetches the bag')
+            self._print(
+                f'the drone records {self._name}: Ctrl-C ends the recording and fetches the bag'
+            )
             while not self._is_stopped and self._state != ENDED:
                 self._ask(WATCH)
                 spin_until(

@@ -24,7 +24,7 @@ def not_active() -> str:
 @pytest.mark.parametrize(
     ('held', 'text', 'logged'),
     [
-        (True, 'the arm is held', [('info', 'at the end bridge: the arm is held')]),
+        (True, 'the arm is held', [('info', 'at the end of this node: bridge: the arm is held')]),
         (False, f'hold: {not_active()}', []),
         (False, 'a fault', [('warning', f'{NOT_HELD}: bridge: a fault')]),
     ],
