@@ -99,7 +99,7 @@ def flight(rig: Rig) -> Path:
     """Record a bag on the drone, fetch it through a cut, and return the copy."""
     process = rig.arm('record', 'flight')
     log = rig.folder / 'arm_record.log'
-    wait_for_text(log, 'Ctrl-C ends it')
+    wait_for_text(log, 'Ctrl-C ends the recording')
     time.sleep(2.0)
     process.send_signal(signal.SIGINT)
     wait_for_text(log, 'fetching')

@@ -166,7 +166,7 @@ def test_without_a_bridge_the_error_states_what_to_check(
     assert f'check that a bridge runs in {domain}' in text
     status, text = ask('e_stop', '--timeout', '0.1')
     assert (status, 'waiting' in text) == (1, False)
-    assert f'no bridge offers e_stop: check that one runs in {domain}' in text
+    assert f'no bridge offers the service e_stop: check that a bridge runs in {domain}' in text
 
 
 def test_only_e_stop_has_a_short_time_out() -> None:

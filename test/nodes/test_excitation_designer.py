@@ -119,7 +119,7 @@ def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatc
         'start 0 stopped after 37 s, when its part of --time-limit was over: pass a larger limit'
         in printed
     )
-    assert 'found no better trajectory than a random one: pass a larger --time-limit' in printed
+    assert 'found no trajectory better than the random one: pass a larger --time-limit' in printed
     assert 'exceeds' not in printed
 
 

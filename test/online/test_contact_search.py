@@ -43,7 +43,7 @@ def test_a_push_is_found_and_described(
     assert 0.0 < event.begin - PUSH.begin < 0.05
     assert place is not None
     text = event_text(event, place, pushed.joint_names)
-    assert text.startswith(f'{event.begin:.2f} s to {event.end:.2f} s: contact, joint')
+    assert text.startswith(f'{event.begin:.2f} s to {event.end:.2f} s: contact, torque of joint')
     html = contact_page(free.robot(), [bag], {'other': ValueError('other.csv is empty')})
     assert place.link in html
     assert 'other.csv is empty' in html

@@ -1,4 +1,4 @@
-"""Recorder, player and controller that buttons of the page start as child processes."""
+"""Child processes that buttons of the web page start: recorder, motion player and controller."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _LOG_PREFIX = re.compile(r'^\[[A-Z]+\] \[[0-9.]+\] \[[^]]*\]: ')
 class ChildProgram:
     """Run one node at a time as a child process, and read the last line of its output.
 
-    Before it ends, a player or controller calls the bridge's service `hold`. The child process ends
-    with the page.
+    A player or controller calls the bridge's service `hold` before its process ends. If the page's
+    process ends, the child process ends too.
 
     Parameters
     ----------
@@ -51,11 +51,11 @@ class ChildProgram:
 
     @property
     def is_ending(self) -> bool:
-        """Whether the child process was requested to end but is still running."""
+        """Whether the child process is still running after a request to end."""
         return self._is_ending and self.runs
 
     def start(self, name: str, parameters: Mapping[str, object]) -> None:
-        """Start a node with these ROS parameters, or raise RuntimeError if a node is running."""
+        """Start the node `name` with ROS parameters; raise RuntimeError if a node is running."""
         with self._starting:
             if self.runs:
                 raise RuntimeError(f'{self.name} is already running: stop it first')
@@ -66,13 +66,13 @@ class ChildProgram:
             self._process = NodeProcess(name, self._arguments, parameters, log=log)
 
     def end(self) -> None:
-        """Request the child process to end, without waiting."""
+        """Send the child process a request to end, without waiting for its end."""
         if self._process is not None and self.runs:
             self._is_ending = True
             self._process.ask_to_end()
 
     def last_output(self) -> str:
-        """Return the last line that the node printed, and its exit status if it failed."""
+        """Return the last line that the node printed, with the exit status of a failed node."""
         if self._process is None:
             return ''
         lines = [line for line in self._process.tail(5).splitlines() if line.strip()]
@@ -99,11 +99,11 @@ _MOST_FILES = 200
 
 
 class PageProgramError(ValueError):
-    """The page cannot start a program; the message states the reason."""
+    """Error for a program that the page cannot start; the message states the reason."""
 
 
 class PagePrograms:
-    """Start and stop the page's recorder, player and controller, at most one of each.
+    """Start and stop at most one recorder, one motion player and one controller for the page.
 
     The page accepts no file paths: it accepts a plain name for a new bag in one directory, and
     plays only trajectories in that directory.
@@ -137,7 +137,7 @@ class PagePrograms:
         self._known: dict[tuple[str, int], bool] = {}
 
     def trajectories(self) -> tuple[str, ...]:
-        """Return the motions that the player can play: a random one, and files in the directory."""
+        """Return the names of the random motion and of the trajectory files in the directory."""
         names = []
         for path in sorted(self._folder.glob('*.yaml'))[:_MOST_FILES]:
             try:
@@ -152,7 +152,7 @@ class PagePrograms:
         return (RANDOM, *names)
 
     def record(self, name: str) -> str:
-        """Start recording a new bag with this name, and return its path.
+        """Start recording a new bag named `name`, and return the bag's path.
 
         Raises PageProgramError for an invalid name, and RuntimeError if the recorder is running.
         """
@@ -160,29 +160,30 @@ class PagePrograms:
             raise PageProgramError('invalid bag name: use letters, digits, _ - and .')
         bag = self._folder / name
         if bag.exists():
-            raise PageProgramError(f'{bag} already exists: choose another name')
+            raise PageProgramError(f'the bag {bag} already exists: choose another name')
         self.recorder.start('recorder', {'bag': bag})
         return str(bag)
 
     def play(self, name: str) -> None:
-        """Start playing one of `trajectories`.
+        """Start playing the motion `name`, one of the names that `trajectories` returns.
 
         Raises PageProgramError for an unknown name, and RuntimeError if the player is running.
         """
         if name not in self.trajectories():
             raise PageProgramError(
-                f'{self._folder} has no trajectory {name!r}: select one from the list'
+                f'the folder {self._folder} has no trajectory {name!r}: select a trajectory from '
+                'the list'
             )
         chosen = {'seed': 1} if name == RANDOM else {'trajectory': self._folder / name}
         self.player.start('excitation', {**self._arm, **chosen})
 
     def control(self, name: str, speed_share: float) -> None:
-        """Start a controller whose tool speed limit is `speed_share` times 0.8 m/s.
+        """Start the controller `name`, with a tool speed limit of `speed_share` times 0.8 m/s.
 
         Raises PageProgramError for an unknown name, and RuntimeError if a controller is running.
         """
         if name not in controllers():
-            raise PageProgramError(f'unknown controller {name!r}: select one from the list')
+            raise PageProgramError(f'unknown controller {name!r}: select one of the listed ones')
         speed = {_SPEED: speed_share * _TOOL_SPEED} if _has_tool_target(name) else {}
         self.controller.start(name, {**self._arm, **self._drone, **speed})
 

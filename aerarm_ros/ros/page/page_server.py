@@ -1,4 +1,4 @@
-"""Web server of the page, which rejects requests and messages of other sites."""
+"""Web server of the page; it rejects requests and messages from other web sites."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _FOLDER = Path(__file__).parent
 
 @cache
 def _additions() -> bytes:
-    """Return CSS and JavaScript that the server adds to the head of viser's page."""
+    """Return the CSS and JavaScript that the server adds to the HTML head of viser's page."""
     style, script = (_FOLDER.joinpath(name).read_bytes() for name in ('view.css', 'view.js'))
     return b'<style>\n%b</style><script>\n%b</script></head>' % (style, script)
 
 
 def dress(response: Response) -> None:
-    """Add title, CSS and JavaScript to a response if it is an HTML page."""
+    """If a response is an HTML page, add the title, the CSS and the JavaScript to the response."""
     if not response.headers.get('Content-Type', '').startswith('text/html'):
         return
     packed = response.headers.get('Content-Encoding') == 'gzip'
@@ -56,7 +56,7 @@ _LOOPBACK = ('localhost', '127.0.0.1', '::1')
 
 
 class PageGuard:
-    """Check a request's headers, and the token in its path, to reject other sites.
+    """Reject requests from other web sites: check the headers, and the secret token in the path.
 
     A browser permits every site to connect to every address, even to the loopback address, and
     sends the site's name in `Origin`. So `Origin` must name the page itself. A site that uses DNS
@@ -78,7 +78,7 @@ class PageGuard:
 
     @classmethod
     def for_host(cls, host: str) -> PageGuard:
-        """Return a guard with a new token, or without a token for a loopback address."""
+        """Return a guard with a new secret token; for a loopback address, without a token."""
         return cls(host, '' if is_loopback(host) else secrets.token_urlsafe(24))
 
     def refusal(
@@ -96,16 +96,20 @@ class PageGuard:
             Whether the request opens a websocket; browsers then always send the origin.
         """
         if len(hosts) != 1 or not self._is_own(hosts[0]):
-            return f'{_shown(hosts)} is not a name of this computer: use the URL that view prints'
+            return (
+                f'the header Host is {_shown(hosts)}, which is not a name of this computer: use '
+                'the URL that view prints'
+            )
         if len(origins) > 1 or (socket_wanted and not origins):
             return f'the header Origin is {_shown(origins)}: use the URL that view prints'
         if origins and origins[0].lower() != f'http://{hosts[0]}'.lower():
             return (
-                f'another site, {_shown(origins)}, sent the request: use the URL that view prints'
+                f'the other web site {_shown(origins)} sent the request: use the URL that view '
+                'prints'
             )
         given, _ = _split(path)
         if self._token and not hmac.compare_digest(given.encode(errors='replace'), self._token):
-            return 'the address lacks the token: use the URL that view prints'
+            return 'the requested URL lacks the secret token: use the URL that view prints'
         return ''
 
     def inner_path(self, path: str) -> str:
@@ -113,7 +117,7 @@ class PageGuard:
         return _split(path)[1] if self._token else path
 
     def address(self, host: str, port: int) -> str:
-        """Return the page's address with the token, to be opened in a browser."""
+        """Return the page's URL with the secret token, for the user's browser."""
         name = socket.gethostname() if host in _WILDCARDS else host
         shown = f'[{name}]' if ':' in name else name
         return f'http://{shown}:{port}' + (f'/{self._token.decode()}/' if self._token else '')
@@ -133,7 +137,7 @@ class PageGuard:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this computer can reach a server at `host`."""
+    """Return whether `host` is a loopback address, which other computers cannot reach."""
     return host.lower() == 'localhost' or (_is_number(host) and ip_address(host).is_loopback)
 
 
@@ -153,14 +157,14 @@ def _is_number(host: str) -> bool:
 
 
 def _split(path: str) -> tuple[str, str]:
-    """Return the first part of a URL path, and the rest with a slash in front."""
+    """Split a URL path after its first component; the returned rest begins with a slash."""
     plain, question, query = path.partition('?')
     first, _, rest = plain.removeprefix('/').partition('/')
     return first, f'/{rest}{question}{query}'
 
 
 def _shown(headers: Sequence[str]) -> str:
-    """Return the values of a header as short text without control characters."""
+    """Return the values of an HTTP header as a short text with escaped control characters."""
     return repr(', '.join(headers)[:80]) if headers else 'an empty value'
 
 
@@ -169,11 +173,11 @@ Text = Annotated[str, msgspec.Meta(max_length=200)]
 
 
 class PageMessage(msgspec.Struct, tag_field='type', forbid_unknown_fields=True):
-    """Message of a browser to the page's server."""
+    """Message from a browser to the web server of the page."""
 
 
 class CameraMoved(PageMessage, tag='ViewerCameraMessage'):
-    """Message of a browser: the user moved the camera to this pose."""
+    """Message from a browser that the user moved the camera of the 3D view."""
 
     wxyz: tuple[float, float, float, float]
     position: Vector
@@ -187,15 +191,15 @@ class CameraMoved(PageMessage, tag='ViewerCameraMessage'):
 
 
 class Change(msgspec.Struct, forbid_unknown_fields=True):
-    """Property of a page element that a browser may change: only its value."""
+    """Only property of a page element that a browser may change: the value of the element."""
 
     value: bool | float | Text
 
 
 class ElementChanged(PageMessage, tag='GuiUpdateMessage'):
-    """Message of a browser: the user changed the value of a page element.
+    """Message from a browser that the user changed the value of a page element.
 
-    Without this check, a forged message could hide, rename or disable elements for all users.
+    A forged message with other properties could hide, rename or disable elements for all users.
     """
 
     uuid: str
@@ -203,7 +207,7 @@ class ElementChanged(PageMessage, tag='GuiUpdateMessage'):
 
 
 class TargetMoved(PageMessage, tag='TransformControlsUpdateMessage'):
-    """Message of a browser: the user dragged the target of the tool."""
+    """Message from a browser that the user dragged the tool's target in the 3D view."""
 
     name: Text
     wxyz: tuple[float, float, float, float]
@@ -212,14 +216,14 @@ class TargetMoved(PageMessage, tag='TransformControlsUpdateMessage'):
 
 
 class TargetTaken(PageMessage, tag='TransformControlsDragStartMessage'):
-    """Message of a browser: the user grabbed the target of the tool."""
+    """Message from a browser that the user grabbed the tool's target in the 3D view."""
 
     name: Text
     owner: Text
 
 
 class TargetLeft(PageMessage, tag='TransformControlsDragEndMessage'):
-    """Message of a browser: the user released the target of the tool."""
+    """Message from a browser that the user released the tool's target in the 3D view."""
 
     name: Text
     owner: Text
@@ -231,7 +235,7 @@ _DECODER = msgspec.msgpack.Decoder(
 
 
 def is_allowed(message: object) -> bool:
-    """Return whether a websocket message has one of the types that the page sends."""
+    """Return whether a websocket message is of a type that the page itself sends."""
     if not isinstance(message, bytes):
         return False
     try:
@@ -258,7 +262,7 @@ Report = Callable[[str], None]
 
 
 class PageError(RuntimeError):
-    """The installed version of viser cannot protect the page against other sites."""
+    """Error if the installed version of the package viser cannot protect the page."""
 
 
 def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.ViserServer:
@@ -271,7 +275,8 @@ def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.
     guard
         Guard that checks the requests.
     report
-        Called from the server's thread with rejected requests, at most once in ten seconds.
+        Function that the server's thread calls with a text about a rejected request, at most once
+        in ten seconds.
 
     Raises
     ------
@@ -284,14 +289,14 @@ def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.
     if not gate.is_used:
         server.stop()
         raise PageError(
-            f'viser {viser.__version__} cannot protect the page against other sites: run pip '
+            f'viser {viser.__version__} cannot protect the page against other web sites: run pip '
             "install 'viser>=1.1,<1.2'"
         )
     return server
 
 
 class _Gate:
-    """Apply the guard to all requests of a web server, and reject forged websocket messages.
+    """Check all requests to a web server with a `PageGuard`, and ignore forged messages.
 
     Attributes
     ----------
@@ -306,7 +311,7 @@ class _Gate:
         self._silent_until = 0.0
 
     def options(self, options: dict[str, Any]) -> dict[str, Any]:
-        """Return the options of a websocket server, extended by the checks of this gate."""
+        """Add the checks of this class to the options of a websocket server; return all options."""
         inner = options.get('process_request')
         if inner is None:
             return options
@@ -314,7 +319,7 @@ class _Gate:
         gate = self
 
         class PageConnection(ServerConnection):
-            """Websocket connection that ignores messages which the page does not send."""
+            """Websocket connection that ignores messages of types that the page does not send."""
 
             async def recv(self, decode: bool | None = None) -> Any:
                 while not is_allowed(message := await super().recv(decode)):
@@ -333,7 +338,7 @@ class _Gate:
         }
 
     def refused(self, what: str) -> None:
-        """Report a rejected request, unless one was reported in the last ten seconds."""
+        """Report a rejected request or message, at most once in ten seconds."""
         now = time.monotonic()
         if now >= self._silent_until:
             self._silent_until = now + _REPORT_PERIOD
@@ -362,9 +367,10 @@ class _Gate:
 
 @contextmanager
 def _guarded(gate: _Gate) -> Iterator[None]:
-    """Patch the package websockets inside a context: new servers apply the checks of `gate`.
+    """Let each websocket server that starts inside a `with` block apply the checks of `gate`.
 
-    viser creates its server internally, and cannot pass options to it.
+    viser creates its server internally without these checks, so this function replaces the function
+    `serve` of the package websockets.
     """
     serve = websocket_server.serve
 

@@ -1,4 +1,4 @@
-"""Part of the page with which the user commissions a new arm."""
+"""Part of the web page on which the user commissions a new arm."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from aerarm_ros.ros.requests.commissioning_client import CommissioningClient, Em
 
 _PERIOD = 0.03  # [s]
 _BRIDGE_TIMEOUT = 5.0  # [s]
-_STOPPED = 'stopped: the motors are off'
+_STOPPED = 'the procedure has stopped, and the motors are off'
 
 
 class PageCommissioning:
     """Run one commissioning procedure at a time, in a separate thread.
 
-    The bridge needs ten requests per second, and drawing the page may take longer.
+    The bridge needs ten requests per second, but the thread that draws the page may be slower.
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ class PageCommissioning:
     config, urdf
         Configuration and URDF of the arm, '' for the packaged files.
     is_watched
-        Returns whether a browser shows the page; otherwise the procedure ends with motors off.
+        Function that returns whether a browser shows the page. If no browser shows the page, the
+        procedure ends with motors off.
 
     Attributes
     ----------
@@ -64,26 +65,27 @@ class PageCommissioning:
 
     @property
     def news(self) -> list[str]:
-        """Lines to show about the last procedure: its joints, findings and verdicts."""
+        """Lines of text about the latest procedure, with joints, findings and verdicts."""
         guided = self._client.guided if self._client is not None else None
         return [] if guided is None else list(guided.news)
 
     @property
     def record(self) -> str:
-        """Path of the commissioning record; empty before the first verdict."""
+        """Path of the commissioning record; empty before the record contains a joint."""
         client = self._client
         has_any = client is not None and client.guided is not None and client.guided.record.joints
         return str(client.path) if client is not None and has_any else ''
 
     def begin(self, joints: Sequence[str], resume: bool, emulated: str = '') -> None:
-        """Start commissioning these joints, or all joints if `joints` is empty.
+        """Start commissioning the joints `joints`, or all joints of the arm if `joints` is empty.
 
-        `resume` skips joints that have passed. If `emulated` names a bridge, an emulated hand turns
-        the joints and confirms all prompts. Raises RuntimeError if a procedure is running.
+        With `resume`, the procedure skips joints that have passed. If `emulated` names a bridge, an
+        emulated hand turns the joints and confirms all prompts. Raises RuntimeError if a procedure
+        is running.
         """
         with self._lock:
             if self.runs:
-                raise RuntimeError('commissioning is already in progress: wait or stop it')
+                raise RuntimeError('commissioning already runs: wait until it ends, or stop it')
             self._stop.clear()
             self.outcome, self._client = (False, ''), None
             arguments = (joints, resume, emulated)
@@ -91,14 +93,14 @@ class PageCommissioning:
             self._thread.start()
 
     def answer(self, prompt: Prompt, yes: bool) -> None:
-        """Answer this prompt, or do nothing if another prompt has replaced it."""
+        """Answer a commissioning prompt, or do nothing if the prompt is no longer shown."""
         with self._lock:
             guided = self._client.guided if self._client is not None else None
             if guided is not None and guided.prompt is prompt:
                 guided.answer(yes)
 
     def end(self) -> None:
-        """Stop the procedure, and wait until it has sent the bridge the request to disable."""
+        """Stop the procedure, and wait until it has requested the bridge to disable the motors."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -132,26 +134,26 @@ class PageCommissioning:
     def _lead(self, client: CommissioningClient, emulated: str) -> None:
         if emulated and not (client.report and client.report.emulated):
             raise ValueError(
-                'an emulated hand can turn emulated joints only: clear its checkbox, then turn '
-                'the joints by hand'
+                'the emulated hand can turn only the joints of emulated boards: clear the checkbox '
+                'of the emulated hand, then turn the joints yourself'
             )
         person = EmulatedPerson(self._node, client, emulated) if emulated else None
         while client.is_on:
             with self._lock:
                 client.poll()
                 if client.problem:
-                    raise ValueError(f'{client.problem}: check the log of the bridge')
+                    raise ValueError(client.problem)
                 if person is not None:
                     person.poll()
             self._pause()
         client.poll()  # an answer may have ended the last joint
 
     def _pause(self) -> None:
-        """Wait 0.03 s; raise ValueError if the user has stopped the procedure or left the page."""
+        """Wait 0.03 s; raise ValueError if the user stopped the procedure or closed the page."""
         if self._stop.wait(_PERIOD):
             raise ValueError(_STOPPED)
         if not self._is_watched():
-            raise ValueError(f'the page was closed, so the procedure has {_STOPPED}')
+            raise ValueError(f'the page was closed: {_STOPPED}')
 
 
 ALL = 'all joints'
@@ -160,7 +162,7 @@ _LINES = 20
 
 
 class ViewCommissioning:
-    """Folder of the page with the commissioning prompts, two answer buttons, and the findings.
+    """Folder of the page that contains commissioning prompts, two answer buttons, and findings.
 
     Parameters
     ----------
@@ -201,7 +203,7 @@ class ViewCommissioning:
         self._no.on_click(lambda _: self._answer(False))
 
     def show(self, now: float) -> None:
-        """Show the procedure's present step and verdicts at the monotonic time `now` [s]."""
+        """Show the procedure's present step and verdicts; `now` is the monotonic time [s]."""
         procedure = self._procedure
         runs, prompt = procedure.runs, procedure.prompt
         if prompt is not self._prompt:
@@ -246,5 +248,5 @@ class ViewCommissioning:
             self._procedure.answer(prompt, yes)
 
     def _is_by_hand(self) -> bool:
-        """Return whether an emulated hand answers the prompts; always false with real boards."""
+        """Return whether the emulated hand, which needs emulated boards, answers the prompts."""
         return bool(self._hand.value and self._emulated())

@@ -1,4 +1,4 @@
-"""Parts of the page with which the user moves the arm and starts programs."""
+"""Parts of the web page with which the user moves the arm and starts programs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _LISTENERS = ('recorder', 'view')
 
 
 class PageMotion:
-    """Publish joint trajectories to a goal, and target positions of the tool.
+    """Publish goals for the active controller: joint trajectories and target positions of the tool.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class PageMotion:
         )
 
     def go(self, start: Array, goal: Sequence[float], share: float) -> tuple[bool, str]:
-        """Publish a trajectory from the present joint angles (n,) to the goal [rad].
+        """Publish a trajectory from the present joint angles (n,) to the goal angles (n,) [rad].
 
         Parameters
         ----------
@@ -75,7 +75,10 @@ class PageMotion:
             Whether a controller receives the motion, and a message for the user.
         """
         if not self._has_subscriber(topics.JOINT_TRAJECTORY.name):
-            return False, 'no active controller accepts joint trajectories: start computed_torque'
+            return False, (
+                'no active controller accepts joint trajectories: start the controller '
+                'computed_torque'
+            )
         share *= _OF_LIMITS
         duration = rest_to_rest_duration(
             np.asarray(goal) - start,
@@ -89,14 +92,15 @@ class PageMotion:
         return True, f'the motion takes {duration:.1f} s'
 
     def aim(self, place: Sequence[float]) -> tuple[bool, str]:
-        """Publish a target position (3,) of the tool in the base frame [m]; return as `go` does.
+        """Publish a target position (3,) of the tool in the base frame [m].
 
-        `world_control` keeps the tool at the corresponding position in the world.
+        The controller `world_control` keeps the tool at the corresponding position in the world
+        frame. The return values are those of `go`.
         """
         if not self._has_subscriber(topics.TOOL_TRAJECTORY.name):
             return False, (
-                'no active controller accepts tool targets: start kinematic_control or '
-                'world_control'
+                'no active controller accepts tool targets: start the controller kinematic_control '
+                'or world_control'
             )
         message = PoseStamped()
         message.header.frame_id = self._base
@@ -143,16 +147,16 @@ class PageRequests:
 
     @property
     def emulated(self) -> str:
-        """Node name of a running bridge with emulated boards, or ''."""
+        """Node name of a running bridge with emulated boards; empty if no such bridge runs."""
         return self._services[PUT_BACK].found
 
     def look_for_bridges(self) -> None:
-        """Find all running bridges in advance, to save time in a later stop request."""
+        """Find all running bridges now, so that a later stop request reaches them sooner."""
         for stop in self._stops.values():
             stop.look()
 
     def ask(self, action: str) -> tuple[bool, str]:
-        """Send the request `action`, and wait for its answer.
+        """Send the request `action` to the bridge, and wait for the bridge's answer.
 
         `action` is the name of a service, or 'fault NAME:BOARD' for emulated boards.
 
@@ -167,13 +171,15 @@ class PageRequests:
         return (False, f'unknown request {action}') if service is None else service.call()
 
     def _mend(self, fault: str) -> tuple[bool, str]:
-        """Set the parameter `fault` of the emulated bridge."""
+        """Set the parameter `fault` of a running bridge with emulated boards."""
         with self._lock:
             for bridge in self._bridges:
                 client = self._client(bridge)
                 if client.wait_for_services(_TIMEOUT):
                     return self._set(client, fault)
-        return False, 'no fake_hardware is running: faults need emulated boards'
+        return False, (
+            'faults need emulated boards, but the node fake_hardware is not running: start it'
+        )
 
     def _client(self, bridge: str) -> AsyncParameterClient:
         if bridge not in self._parameters:
@@ -185,7 +191,9 @@ class PageRequests:
         future = client.set_parameters([Parameter('fault', value=fault)])
         future.add_done_callback(lambda _: answered.set())
         if not answered.wait(_TIMEOUT):
-            return False, f'no answer within {_TIMEOUT:g} s: check the log of the bridge'
+            return False, (
+                f'the bridge did not answer within {_TIMEOUT:g} s: check the log of the bridge'
+            )
         answer = future.result().results[0]
         return bool(answer.successful), answer.reason or fault
 
@@ -196,7 +204,7 @@ _LOOK_PERIOD = 1.0  # [s] between two searches of the directory
 
 
 class ViewControls:
-    """Folders of the page with the joint sliders, the tool target, and buttons for programs.
+    """Folders of the page with joint sliders, a draggable tool target, and buttons for programs.
 
     This class checks all values from the browser again, because a message can contain any number.
 
@@ -243,7 +251,7 @@ class ViewControls:
                 for name, (low, high) in zip(names, limits, strict=True)
             ]
             gui.add_button('Move to slider values').on_click(lambda _: self._go())
-            gui.add_button('Set sliders to the present configuration').on_click(
+            gui.add_button('Set sliders to the present joint angles').on_click(
                 lambda _: self._take_posture()
             )
             self._has_target = gui.add_checkbox('move the tool by dragging a target', False)
@@ -267,7 +275,7 @@ class ViewControls:
         self._target.on_update(lambda _: self._aim())
 
     def show(self, now: float, posture: Array | None, tool: Array) -> None:
-        """Show whether each program is running, and the last line of its output.
+        """Show for each program whether it is running, and the last line of its output.
 
         Parameters
         ----------
@@ -322,7 +330,7 @@ class ViewControls:
             )
         elif self._posture is None:
             self._panel.show_result(
-                False, 'not sent:', 'no joint_states received yet: start a bridge'
+                False, 'not sent:', 'no joint angles received yet: start a bridge'
             )
         else:
             done, text = self._motion.go(self._posture, goal, self._speed_share())

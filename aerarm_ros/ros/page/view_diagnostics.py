@@ -1,4 +1,4 @@
-"""Convert messages of /diagnostics to tables of the page."""
+"""Convert messages of the topic /diagnostics to HTML tables for the page."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _MOTOR_COLUMNS = {
 
 
 def elements() -> Any:
-    """Return the template macros of `view.html`."""
+    """Return the template macros of the file `view.html`, which create HTML elements."""
     return macros(Path(__file__).with_name('view.html'))
 
 
 @dataclass(frozen=True)
 class ViewStatus:
-    """Content of one DiagnosticStatus, with its time of arrival.
+    """Content of one DiagnosticStatus message, with the message's time of arrival.
 
     Attributes
     ----------
@@ -52,12 +52,13 @@ class ViewStatus:
 
 
 class ViewDiagnostics:
-    """Store the newest status of each name, and convert all of them to HTML.
+    """Store the newest diagnostic status of each name, and convert all stored statuses to HTML.
 
     Parameters
     ----------
     stale_after
-        Age above which the page shows a status as stale [s]. Nodes publish one per second.
+        Age above which the page shows a status as stale [s]. Nodes publish their status once per
+        second.
     gone_after
         Age above which the page no longer shows a status, because its node has ended [s].
     """
@@ -68,7 +69,7 @@ class ViewDiagnostics:
         self._statuses: dict[str, ViewStatus] = {}
 
     def add(self, name: str, status: ViewStatus) -> None:
-        """Store a status under a name, and delete statuses of nodes that have ended."""
+        """Store a status under its name, and delete the statuses of nodes that have ended."""
         # A copy, because the thread that shows the statuses may be reading the old one.
         latest = {**self._statuses, name: status}
         self._statuses = {
@@ -78,7 +79,7 @@ class ViewDiagnostics:
         }
 
     def recovery_hint(self, now: float) -> str:
-        """Return the bridge's recovery hint for the present fault, or an empty string."""
+        """Return the recovery hint that the bridge publishes during a fault, or an empty string."""
         texts = [
             status.values.get(_HINT, '')
             for _, status in self._present(now)
@@ -124,9 +125,9 @@ class ViewDiagnostics:
 
 
 def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Return the timing statistics [us] by quantity ('period') and statistic ('p99').
+    """Return the timing statistics [us] in nested dictionaries, for example rows['period']['p99'].
 
-    The key of such a value in a status is, for example, 'period p99 [us]'.
+    The same value has the key 'period p99 [us]' in a diagnostic status.
     """
     rows: dict[str, dict[str, str]] = {}
     for key, value in values.items():
@@ -137,9 +138,9 @@ def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:
 
 
 def motor_rows(values: Mapping[str, str]) -> dict[str, list[str]]:
-    """Return the values of the motors' table by joint name, one text per column.
+    """Return the rows of the motors' table by joint name; a row contains one text per column.
 
-    The key of such a value in a status is, for example, 'joint2 winding [degC]'.
+    In a diagnostic status, the key of a value is, for example, 'joint2 winding [degC]'.
     """
     ends = list(_MOTOR_COLUMNS.values())
     joints = [key.removesuffix(f' {ends[0]}') for key in values if key.endswith(f' {ends[0]}')]

@@ -27,7 +27,7 @@ _MODE_COLORS = {
 }
 # Label of each button, and the modes in which it has an effect.
 _BUTTONS = {
-    'enable': ('Enable: the motors align, the arm moves', ('idle',)),
+    'enable': ('Enable: the arm moves while its motors align', ('idle',)),
     'hold': ('Hold the arm', ('damping',)),
     'home': (
         'Home: the arm must be in its home configuration',
@@ -44,7 +44,7 @@ _STEP = re.compile(r"'arm ([a-z_]+(?: [a-z0-9_:.]+)?)'")
 
 
 class ViewPanel:
-    """Panel to the left of the picture, with the arm's mode and buttons for the bridge.
+    """Left panel of the page, with the arm's mode and buttons that send requests to the bridge.
 
     All text from ROS messages is escaped before it becomes HTML.
 
@@ -96,7 +96,7 @@ class ViewPanel:
     def show_mode(
         self, mode: str, states: str, recovery_hint: str = '', emulated: bool = False
     ) -> None:
-        """Show the arm's mode, a line about its joint states, and the buttons for this mode.
+        """Show the arm's mode, a text about joint_states, and the buttons that act in this mode.
 
         Parameters
         ----------
@@ -129,11 +129,11 @@ class ViewPanel:
         self._diagnostics.content = indented(statuses)
 
     def show_result(self, done: bool, word: str, text: str) -> None:
-        """Show the result of a click: a word in green or red, then a text."""
+        """Show the result of a click on a button: a green or red word, then a text."""
         self._answer.content = indented(elements().outcome(done, word, text))
 
     def answer(self, action: str) -> None:
-        """Send the request of a button, and show its answer."""
+        """Send a button's request to the bridge, and show the bridge's answer."""
         if not action:
             return
         is_stop = action == 'e_stop'
@@ -146,5 +146,5 @@ class ViewPanel:
 
 
 def indented(content: str) -> str:
-    """Return a text or HTML inside an element with the margin of the panel."""
+    """Return an HTML element that adds the panel's margin to a text or HTML."""
     return str(elements().indented(content))

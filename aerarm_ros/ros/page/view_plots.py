@@ -22,7 +22,7 @@ from aerarm_ros.ros.states.state_stream import StateSampler
 
 
 class ViewHistory:
-    """Ring buffer of samples with equal shapes, and their times.
+    """Ring buffer of arrays of equal shape, each with its sampling time.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class ViewHistory:
         self._next = (self._next + 1) % len(self._time)
 
     def window(self, now: float) -> tuple[Array, Array]:
-        """Return the samples whose age is at most `duration`.
+        """Return the stored samples that are not older than `duration` [s].
 
         Returns
         -------
@@ -73,10 +73,10 @@ _STALE = 0.3  # [s] after which a reference, a current or a power is dropped
 
 
 class WindowReader:
-    """Read the minimum and maximum that `ground_link` publishes for each window of a topic.
+    """Read the minima and maxima of a topic's values, which the node `ground_link` publishes.
 
-    `ground_link` thins the topic out: of each time window it sends one message to the ground, and
-    the extremes of all messages.
+    `ground_link` reduces the data rate: for each time window it sends to the ground one message of
+    the topic, and the minimum and maximum of all messages.
 
     Parameters
     ----------
@@ -96,10 +96,10 @@ class WindowReader:
         self._decoders = [JointStateDecoder() for _ in _SIDES]
 
     def take(self) -> Array | None:
-        """Return minimum and maximum of position, velocity and effort since the last call.
+        """Return the minima and maxima of position, velocity and effort since the last call.
 
-        The shape is (2, 3, n). Both are NaN where a window has NaN.
-        Return None if no window was received, as on the host of the bridge.
+        The shape is (2, 3, n). Minimum and maximum are NaN if a window contains NaN. Return None if
+        no window was received, for example on the host of the bridge.
         """
         sides = []
         for index, (decoder, extreme) in enumerate(
@@ -174,7 +174,10 @@ class ViewFeed:
             node.create_subscription(topic.type, topic.name, self._on_odometry, topic.qos)
 
     def update(self, now: float) -> bool:
-        """Read new messages at the monotonic time `now` [s]; return whether a state arrived."""
+        """Read new messages, and return whether joint states arrived.
+
+        `now` is the monotonic time [s].
+        """
         self._take_rest(now)
         self._take_pose(now)
         state = self._states.newest()
@@ -188,12 +191,12 @@ class ViewFeed:
         return True
 
     def describe(self, now: float) -> str:
-        """Return a text about the received or missing joint states."""
+        """Return a text for the user about the received or missing messages on joint_states."""
         missing = self._states.missing
         if missing:
             return (
-                f'joint_states lacks {", ".join(missing)}: check the parameters config, urdf and '
-                'tf_prefix of view'
+                f'joint_states lacks the joints {", ".join(missing)}: check the parameters config, '
+                'urdf and tf_prefix of the node view'
             )
         if self._states.unknown:
             names = ', '.join(self._states.unknown)
@@ -204,7 +207,10 @@ class ViewFeed:
         if not np.isfinite(silent):
             return 'no joint_states in this ROS domain: start a bridge, or check ROS_DOMAIN_ID'
         if silent > _SILENT:
-            return f'the last joint_states arrived {silent:.0f} s ago: check the log of the bridge'
+            return (
+                f'the last message on joint_states arrived {silent:.0f} s ago: check the log of '
+                'the bridge'
+            )
         return f'joint_states at {self._states.frequency(now):.0f} Hz'
 
     def destroy(self) -> None:
@@ -232,7 +238,7 @@ class ViewFeed:
         self._row[6:8][old[1:]] = np.nan
 
     def _take_windows(self) -> None:
-        """Store the extremes of all windows that were received since the last sample."""
+        """Store the minima and maxima of all time windows received since the last sample."""
         first = ROWS.index(_MINIMA[0])
         extremes = self._row[first:].reshape(2, len(_WINDOWED), -1)
         extremes[:] = np.nan
@@ -268,10 +274,10 @@ _ACROSS = viser.uplot.Axis(size=64, ticks=_TICKS)  # [pixels] for a minus and th
 
 @dataclass(frozen=True)
 class _Quantity:
-    """Quantity of one plot: its title, and names in `ROWS`; no name for poses of the base.
+    """Quantity of one plot: its title, and the names of its data in `ROWS`, '' for base poses.
 
     The vertical scale covers at least plus and minus `small`, so that noise does not fill the
-    plot. Its labels have three decimals.
+    plot. The labels of the scale have three decimals.
     """
 
     title: str
@@ -294,7 +300,7 @@ _BASE = (_Quantity('base position [m]', small=0.05), _Quantity('base attitude [r
 
 
 class ViewPlots:
-    """Panel to the right of the picture, with the plots and one checkbox per plot.
+    """Right panel of the page, with the plots and one checkbox per plot.
 
     Parameters
     ----------
@@ -356,7 +362,7 @@ class ViewPlots:
                 plot.data = self._columns(quantity, time, values)
 
     def show_base(self, time: Array, values: Array) -> None:
-        """Draw the pose of the base: `values` (k, 6) as in `BASE_ROWS`, at `time` (k,) [s]."""
+        """Draw the base poses `values` (k, 6), with columns `BASE_ROWS`, over `time` (k,) [s]."""
         if len(time) < 2:
             return
         for quantity, columns in zip(_BASE, (values[:, :3], values[:, 3:]), strict=True):
@@ -389,9 +395,9 @@ class ViewPlots:
         return self._has_windows and quantity.value in _WINDOWED
 
     def _show_windows(self) -> None:
-        """Replace the plots by plots that also show a band between the extremes of each window.
+        """Replace the plots by plots with a band from the minimum to the maximum of each window.
 
-        A chart cannot change its number of lines.
+        New plots are necessary, because a plot cannot change its number of lines.
         """
         self._has_windows = True
         with self._tab:
@@ -406,9 +412,9 @@ class ViewPlots:
     def _add(
         self, gui: viser.GuiApi, quantity: _Quantity, old: viser.GuiUplotHandle | None = None
     ) -> viser.GuiUplotHandle:
-        """Create a plot of a quantity, at the place of the plot `old` if that is given.
+        """Create a plot of a quantity; a given plot `old` determines its place in the panel.
 
-        Its time axis is fixed, because an automatic time axis would not follow later data.
+        The time axis is fixed, because an automatic time axis would not follow later data.
         """
         series = self._series(quantity)
         start = np.array([-self._duration, 0.0])
@@ -444,7 +450,7 @@ class ViewPlots:
         return lines
 
     def _bands(self, quantity: _Quantity, count: int) -> tuple[viser.uplot.Band, ...] | None:
-        """Return one band per joint, between the curves of its minimum and its maximum."""
+        """Return one band per joint, which fills the area from the minimum to the maximum."""
         if not self._has_extremes(quantity):
             return None
         n = len(self._names)
@@ -456,7 +462,7 @@ class ViewPlots:
 
 
 def _at_least(small: float) -> dict[str, viser.uplot.Scale]:
-    """Return a vertical scale that covers at least -`small` to +`small`."""
+    """Return a plot's vertical scale, which covers at least the range -`small` to +`small`."""
     if not small:
         return {}
     sides = {'min': -small, 'max': small}
@@ -469,7 +475,7 @@ def _color(k: int) -> str:
 
 
 def _legend(names: Sequence[str]) -> str:
-    """Return HTML that names the joint of each colour."""
+    """Return an HTML legend with the name of each joint in the colour of its curves."""
     return str(elements().legend([(_color(k), name) for k, name in enumerate(names)]))
 
 

@@ -104,7 +104,7 @@ class ViewScene:
             self._path.append(tool.copy())
 
     def move_base(self, position: Array, wxyz: Array) -> None:
-        """Move the URDF's root link to a position (3,) [m] and an orientation (unit quaternion)."""
+        """Move the arm's picture: the root link has this position [m] and unit quaternion."""
         self._base.position, self._base.wxyz = position, wxyz
         rotation = pin.Quaternion(*wxyz.tolist()).matrix()
         self._base_pose = pin.SE3(rotation, position)
@@ -116,7 +116,7 @@ class ViewScene:
             self._trail.points = np.stack([points[:-1], points[1:]], axis=1)
 
     def _usual_place(self, robot: Robot) -> Array:
-        """Return the tool's position (3,) [m] with each joint in the middle of its range."""
+        """Return the tool's position (3,) [m] if each joint is in the middle of its range."""
         low, high = robot.position_min, robot.position_max
         known = np.isfinite(low) & np.isfinite(high)
         middle = np.zeros(robot.n)
@@ -139,7 +139,7 @@ class ViewScene:
         )
 
     def _add(self, shape: pin.GeometryObject) -> None:
-        """Add one shape of a link to the scene, below the link's joint."""
+        """Add one shape of a link to the scene, as a child of the link's joint."""
         solid, scene = shape.geometry, self._scene
         name = f'{self._paths[shape.parentJoint]}/{shape.name}'
         placed: dict[str, Any] = {
@@ -160,7 +160,7 @@ class ViewScene:
 
 
 def _paths(model: pin.Model) -> list[str]:
-    """Return the names of base and joints in viser's scene, in the order of the model."""
+    """Return the names that base and joints have in viser's scene, in the order of the model."""
     paths = ['/arm']
     for name, parent in zip(list(model.names)[1:], list(model.parents)[1:], strict=True):
         paths.append(f'{paths[parent]}/{name}')
@@ -168,7 +168,10 @@ def _paths(model: pin.Model) -> list[str]:
 
 
 def _shapes(robot: Robot) -> list[pin.GeometryObject]:
-    """Return the URDF's visual shapes, else its collision shapes; none if meshes are missing."""
+    """Return the URDF's visual shapes, or its collision shapes if no visual shapes can be loaded.
+
+    If no collision shapes can be loaded either, for example without mesh files, return no shapes.
+    """
     for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
         try:
             found = load_shapes(robot, kind)

@@ -1,4 +1,4 @@
-"""Programs behind the commands that read or write files.
+"""Implementations of the commands that read or write files.
 
 Each of `identifier`, `calibrator`, `payload_estimator --bag`, `contact_estimator --bag`,
 `excitation_designer`, `demo`, `arm calibrate` and `arm init` has a class that receives the parsed

@@ -1,4 +1,4 @@
-"""`arm calibrate`: move the arm to calibration postures, wait in each, and record a bag."""
+"""`arm calibrate`: move the arm to calibration postures, wait in each posture, and record a bag."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _TOLERANCE = 0.05  # [rad] largest joint position error at a posture
 
 
 class CalibrateArm:
-    """Move the arm to calibration postures, wait in each, and record joint states and sensors.
+    """Move the arm to calibration postures, and record joint states and sensors in each posture.
 
     Parameters
     ----------
@@ -65,13 +65,13 @@ class CalibrateArm:
         ------
         ArmClientError
             If arm, controller or sensor is missing, no postures can be selected, or the arm does
-            not reach a posture. The bag then contains the recording up to this posture.
+            not reach a posture. In the last case the bag contains the recording up to this posture.
         """
         options = self._options
         if options.marker_normal and not options.camera:
             raise ArmClientError('--marker-normal needs the position of the camera: add --camera')
         if not spin_until(self._node, lambda: self._state is not None, options.timeout):
-            raise ArmClientError('no joint_states received: check that the bridge runs')
+            raise ArmClientError('no joint states received: check that the bridge runs')
         sensors = self._find_sensors()
         try:
             postures = self._choose()
@@ -82,7 +82,7 @@ class CalibrateArm:
             return
         bag = Path(options.out or f'calibration_{datetime.now():%Y%m%d_%H%M%S}')
         if bag.exists():
-            raise ArmClientError(f'{bag} already exists: name another bag with --out')
+            raise ArmClientError(f'the bag {bag} already exists: name another bag with --out')
         recorded = [*_SUITE_TOPICS, *(f'{name}={kind}' for name, kind in sensors)]
         with NodeProcess('recorder', parameters={'bag': bag, 'topics': recorded}) as recorder:
             if not spin_until(self._node, lambda: _has_begun(bag, recorder), _RECORDER_TIME):
@@ -91,7 +91,7 @@ class CalibrateArm:
                     'the log of the recorder'
                 )
             self._visit(postures)
-        print(f'{bag} is recorded; next, run: calibrator --bag {bag}', flush=True)
+        print(f'the bag {bag} is recorded. Next, run: calibrator --bag {bag}', flush=True)
 
     def _choose(self) -> Array:
         options = self._options
@@ -126,14 +126,14 @@ class CalibrateArm:
         )
         print_notice(
             'arm',
-            f'{len(choice.q)} postures to estimate {choice.parameters} geometry errors. Compared '
-            'with random postures, the log-determinant of the information matrix is higher by '
-            f'{choice.information:.2f} per error',
+            f'selected {len(choice.q)} postures to estimate {choice.parameters} geometry errors. '
+            'Compared with random postures, the log-determinant of the information matrix is '
+            f'higher by {choice.information:.2f} per geometry error',
         )
         return self._in_free_order(choice.q, checker)
 
     def _in_free_order(self, postures: Array, checker: ClearanceChecker) -> Array:
-        """Return the postures in an order in which all straight paths are collision-free."""
+        """Order the postures such that the straight path to each next posture is collision-free."""
         left, at, order = list(range(len(postures))), self._position(), []
         while left:
             near = sorted(left, key=lambda k: float(np.abs(postures[k] - at).max()))
@@ -146,7 +146,7 @@ class CalibrateArm:
         if left:
             print_notice(
                 'arm',
-                f'{len(left)} postures are skipped, because no straight path to them is '
+                f'skipped {len(left)} postures, because no straight path to these postures is '
                 'collision-free',
             )
         if len(order) < len(postures) // 2:
@@ -169,14 +169,14 @@ class CalibrateArm:
             print(f'posture {number} of {len(postures)}', flush=True)
 
     def _wait(self, seconds: float) -> None:
-        """Wait until the stamps of the joint states have advanced by `seconds`."""
+        """Wait until the time stamps of the joint states have advanced by `seconds`."""
         begin = self._stamp()
         longest = self._options.timeout + 10.0 * seconds  # an emulated arm can be slow
         if not spin_until(self._node, lambda: self._stamp() - begin >= seconds, longest):
             raise ArmClientError('joint_states stopped arriving: check the log of the bridge')
 
     def _find_sensors(self) -> list[tuple[str, str]]:
-        """Return topic and type of each sensor that measures markers or poses."""
+        """Return the topic and the message type of each sensor that measures markers or poses."""
         own = {self._node.resolve_topic_name(name) for name in topics.TOPICS}
         wanted = set(self._options.sensors)
 

@@ -60,7 +60,7 @@ class JointRecording:
 
 @dataclass(eq=False)
 class CalibratorInput:
-    """Content of one file of the calibrator: a table of postures, or a recording in motion.
+    """Content of one input file of the calibrator: a table of postures, or a recorded motion.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class CalibratorInput:
 
 
 def read_input(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
-    """Read a table or a bag for the calibrator.
+    """Read one input file of the calibrator, a table or a bag.
 
     Raises
     ------
@@ -134,8 +134,8 @@ def to_observations(
         late, agreement = time_offset(recording.time, q, track)
         offsets[track.name] = late
         given.mapping.append(
-            f'{track.name}: estimated time offset from the joint states {1e3 * late:+.0f} ms '
-            f'(correlation of marker speed and joint speed {agreement:.2f})'
+            f'the estimated time offset of {track.name} from the joint states is '
+            f'{1e3 * late:+.0f} ms (correlation of marker speed and joint speed {agreement:.2f})'
         )
     rests = resting_arm(recording.time, q)
     given.mapping.append(f'the arm rests in {len(rests.q)} postures')
@@ -145,7 +145,7 @@ def to_observations(
 
 
 def _eye_in_hand(poses: Sequence[str], path: Path, options: argparse.Namespace) -> list[str]:
-    """Return the pose names of the option `--eye-in-hand`, without a leading slash."""
+    """Return the names of poses that the option `--eye-in-hand` lists, without leading slashes."""
     names = [name.lstrip('/') for name in options.eye_in_hand]
     unknown = next((name for name in names if name not in poses), None)
     if unknown is not None:
@@ -199,14 +199,14 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
     if not tracks:
         listed = ', '.join(f'{name} ({one.kind})' for name, one in series.items()) or 'none'
         raise CalibrationError(
-            f'{path} has no topic with markers or poses of the arm: name such a topic with '
-            f'--sensors; topics with positions are {listed}'
+            f'the bag {path} has no topic with markers or poses of the arm: name such a topic with '
+            f'--sensors. The bag contains these topics with positions: {listed}'
         )
     mapping = [f'joint states: {options.topic}']
     if links:
         mapping.append(
-            f'tf frames of links of the URDF, not used: {", ".join(links)}; pass --frames to use '
-            'one of them'
+            f'tf frames of links of the URDF are not used: {", ".join(links)}. To use one of these '
+            'frames, name it with --frames'
         )
     mapping += [f'{"marker" if t.rotation is None else "pose"}: {t.name}' for t in tracks]
     return CalibratorInput(path, names, None, recording, tracks, mapping, messages)
@@ -214,7 +214,7 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
 
 @dataclass(eq=False)
 class FlightRecording:
-    """Measurements from the bag of `calibrator --mount`.
+    """Measurements from the bag that `calibrator --mount` reads.
 
     Attributes
     ----------
@@ -233,7 +233,7 @@ class FlightRecording:
 
 
 def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
-    """Read the bag of `calibrator --mount`, in which arm and drone move.
+    """Read the bag for `calibrator --mount`, in which arm and drone move.
 
     Raises
     ------
@@ -249,8 +249,9 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
     if pose is None or pose.kind == IMU or not np.isfinite(pose.quaternion).all():
         listed = ', '.join(f'{key} ({one.kind})' for key, one in series.items()) or 'none'
         raise CalibrationError(
-            f"{path} has no poses of the drone on {name}: name the topic of the drone's pose with "
-            f'--drone-pose; topics with positions are {listed}'
+            f'the bag {path} has no poses of the drone on the topic {name}: name the topic of the '
+            f"drone's pose with --drone-pose. The bag contains these topics with positions: "
+            f'{listed}'
         )
     imu = series.pop(imu_name, None)
     used = {key: one for key, one in series.items() if _is_sensor(key, one, options)}
@@ -273,9 +274,9 @@ def _is_sensor(name: str, series: PoseSeries, options: argparse.Namespace) -> bo
 
 
 def _track(name: str, series: PoseSeries, stamp: float, log_time: float) -> Track:
-    """Return poses with times on the clock of the joint states.
+    """Return the poses of one topic as a track, with times on the clock of the joint states.
 
-    `stamp` and `log_time` are the stamp and the reception time of the first joint state [s].
+    `stamp` and `log_time` are the time stamp and the reception time of the first joint state [s].
     """
     time = series.stamp
     # The sensor's computer has another clock: use the reception times instead of the stamps.
@@ -313,8 +314,8 @@ def _recording_of(table: PostureTable, path: Path) -> tuple[JointRecording, list
     if not increases.all():
         row = int(np.flatnonzero(~increases)[0]) + 2
         raise CalibrationError(
-            f'{path}: the time of row {row} is not after the time of row {row - 1}: sort the rows '
-            'by time and remove duplicates'
+            f'in {path} the time of row {row} is not after the time of row {row - 1}: sort the '
+            'rows by time and remove duplicates'
         )
     names = tuple(table.joints)
     position = np.column_stack([table.joints[name] for name in names])
@@ -353,7 +354,7 @@ def _of_table(
 
 
 def joined(parts: Sequence[Observations]) -> Observations:
-    """Combine the postures of several input files of one setup.
+    """Combine the postures of several input files that measure the same markers and poses.
 
     Raises
     ------

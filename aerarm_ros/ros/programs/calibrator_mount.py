@@ -1,4 +1,4 @@
-"""`calibrator --mount`: estimate the poses of arm and IMU on the drone, and write a drone file."""
+"""`calibrator --mount`: estimate the poses of arm and IMU on the drone, and write drone.yaml."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ DRONE, REPORT = 'drone.yaml', 'report.html'
 MOUNT_FILES = (DRONE, REPORT, MARKER)
 """Names of the files that `calibrator --mount` writes."""
 _NOTE = (
-    "Pose of the arm's base frame and of the IMU in the frame of the drone's body. The deviations "
-    'are the standard deviations of the fit. "Moved" is the distance and the rotation angle '
-    'between the pose in the drone file and the estimated pose.'
+    "Poses of the arm's base frame (mount) and of the IMU in the frame of the drone's body. Each "
+    'deviation is a standard deviation that results from the fit. "Moved" is the distance and the '
+    'rotation angle between the pose in the input drone file and the estimated pose.'
 )
 
 
@@ -55,7 +55,8 @@ class MountRun:
         self._options = options
         if len(options.bag) != 1:
             raise CalibrationError(
-                '--mount needs exactly one file in --bag, a recording of moving drone and arm'
+                '--mount needs exactly one recording, in which drone and arm move: pass one file '
+                'to --bag'
             )
         self._source = config_path(options.drone, 'drone.yaml')
         self._drone = load_drone_config(self._source)
@@ -84,18 +85,20 @@ class MountRun:
         return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
 
     def _imu(self, flight: FlightRecording) -> ImuResult | None:
-        """Return the pose of the IMU, or None with a printed reason if it cannot be estimated."""
+        """Estimate the pose of the IMU; if this fails, print the reason and return None."""
         values = flight.imu
-        unchanged = f'the written drone file keeps the pose of the IMU of {self._source.name}'
+        unchanged = f'{DRONE} keeps the pose of the IMU from the input file {self._source.name}'
         if values is None:
-            _print(f'the bag has no IMU samples on {self._options.imu} (--imu): {unchanged}')
+            _print(
+                f'the bag has no IMU samples on {self._options.imu} (--imu), therefore {unchanged}'
+            )
             return None
         try:
             return calibrate_imu(
                 flight.drone, values.stamp, values.angular_velocity, values.linear_acceleration
             )
         except CalibrationError as error:
-            _print(f'{unchanged}: {error}')
+            _print(f'{unchanged}, because the calibration of the IMU failed: {error}')
             return None
 
     def _mount(self, flight: FlightRecording) -> MountResult:
@@ -132,7 +135,7 @@ def _pose_rows(name: str, pose: FramePose, drawn: PoseConfig) -> list[tuple[str,
         (f'{name} rpy [rad]', _numbers(pose.rpy, 5)),
         (f'{name} rotation deviation [mrad]', _numbers(1e3 * pose.rotation_std, 2)),
         (
-            f'{name} moved relative to the drone file',
+            f'{name} moved relative to the input drone file',
             f'{1e3 * moved:.2f} mm, {1e3 * angle:.2f} mrad',
         ),
     ]

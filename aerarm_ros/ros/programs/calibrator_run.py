@@ -94,10 +94,11 @@ class CalibratorRun:
         ]
         inputs = [*training, *validation]
         mapping = [f'{one.path.name}: {text}' for one in inputs for text in one.mapping]
-        mapping.append(f'markers and poses are attached to link {chain.link}')
+        mapping.append(f'the measured markers and poses are attached to the link {chain.link}')
         if chain.ignored:
             mapping.append(
-                f'joints ignored, because they do not move {chain.link}: {", ".join(chain.ignored)}'
+                f'these joints do not move {chain.link}, so the calibrator ignores them: '
+                f'{", ".join(chain.ignored)}'
             )
         _print(mapping)
         if options.holdout > 0.0:
@@ -128,8 +129,8 @@ def _divided(observations: Observations, share: float) -> tuple[Observations, Ob
     out = round(share * count)
     if out < 1 or count - out < 1:
         raise CalibrationError(
-            f'--holdout {share:g} divides {count} postures such that the fit or the validation has '
-            'none: pass another fraction, or record more postures'
+            f'--holdout {share:g} of {count} postures leaves no posture for the fit or for the '
+            'validation: pass another fraction, or record more postures'
         )
     order = np.random.default_rng(_SEED).permutation(count)
     return observations.rows(np.sort(order[out:])), observations.rows(np.sort(order[:out]))

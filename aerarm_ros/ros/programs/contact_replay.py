@@ -66,13 +66,14 @@ _COLOUR = {
 
 
 def main() -> int:
-    """Search recordings for contact, with the command line of this process."""
+    """Search recordings for contact, with the options of this process's command line."""
     return contact_replay('contact_estimator', sys.argv[1:])
 
 
 def contact_replay(name: str, arguments: Sequence[str]) -> int:
-    """Run the search; return 0, 2 if the user must check an input, or 130 after a stop.
+    """Search recordings for contact, and return the exit status.
 
+    The exit status is 0 after success, 2 if the user must check an input, and 130 after a stop.
     If one bag cannot be searched, the program prints the reason, searches the other bags, and
     returns 2.
     """
@@ -275,7 +276,7 @@ class ContactReplay:
 
 
 def _body(given: Sequence[float] | None) -> Array | None:
-    """Return the inertial parameters (10,) of the body of `--payload`, None without this option."""
+    """Return the inertial parameters (10,) of the payload of `--payload`, None without payload."""
     if given is None:
         return None
     mass, *centre = given
@@ -288,7 +289,7 @@ def _body(given: Sequence[float] | None) -> Array | None:
 
 
 def _states(recording: Recording) -> Iterator[tuple[float, ArmState]]:
-    """Yield time [s] and state of each sample of a recording that contains velocities."""
+    """Yield the time [s] and the arm's state of each sample of a recording with velocities."""
     assert recording.dq is not None
     rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
     for time, q, dq, tau in rows:
@@ -310,8 +311,8 @@ def search(
     """
     if recording.dq is None:
         raise IdentificationError(
-            f'{recording.name} contains no joint velocities, but the momentum observer needs them: '
-            'record positions and velocities'
+            f'the recording {recording.name} contains no joint velocities, which the momentum '
+            'observer needs: record positions and velocities'
         )
     problems: dict[str, list[tuple[float, float]]] = {}
     known: dict[str, str] = {}
@@ -339,7 +340,7 @@ def search(
 
 
 def _times(intervals: Sequence[tuple[float, float]]) -> str:
-    """Return a text with the first three intervals and the number of the others."""
+    """Return a text with the first three time intervals and the number of further intervals."""
     texts = [f'{begin:.2f} to {end:.2f} s' for begin, end in intervals[:_LISTED_INTERVALS]]
     more = len(intervals) - len(texts)
     return ', '.join(texts) + (f' and {more} more' if more else '')
@@ -356,11 +357,14 @@ def event_text(event: ContactEvent, place: ContactPlace | None, names: Sequence[
             f'{event.end - event.begin:.2g} s later'
         )
     size = float(event.torque[event.joint])
-    text += f', {names[event.joint]} {size:+.3g} Nm ({event.ratio:.2g} times the threshold)'
+    text = (
+        f'{text}, torque of {names[event.joint]} {size:+.3g} Nm ({event.ratio:.2g} times the '
+        'threshold)'
+    )
     if place is None:
         return text
     force = f'{np.linalg.norm(place.force):.3g} N at {place.link}'
-    return f'{text}, {force if place.is_determined else f"at least {force}"}'
+    return f'{text}, force {force if place.is_determined else f"at least {force}"}'
 
 
 def _summary(bag: SearchedBag) -> dict[str, Any]:
@@ -395,10 +399,11 @@ def contact_page(
         [
             'Torque: largest change of the external torque during the event; a positive torque '
             'acts in the positive direction of the joint.',
-            'Ratio: torque divided by the threshold learnt from free motion. While the arm rests, '
-            'smaller torques also count as contact, so the ratio may be below 1.',
+            'Ratio: torque divided by the threshold that the program learned from motion without '
+            'contact. While the arm rests, smaller torques also count as contact, so the ratio may '
+            'be below 1.',
             'Force: the single force, in the frame of the base, that explains the torque. “At '
-            'least” marks a force of which only a part causes joint torque in this posture.',
+            'least” marks a force that may have a further component without any joint torque.',
             'Solid curves show the external torque, dashed curves its threshold. Red areas mark '
             'contact, green areas a payload, grey areas a model error.',
         ]
@@ -432,7 +437,7 @@ def _events_table(robot: Robot, bag: SearchedBag) -> Html:
             ]
         )
     headings = ['begin [s]', 'length [s]', 'cause', 'joint', 'torque [Nm]', 'ratio']
-    return table([*headings, 'force [N] or mass', 'link (point in its frame [m])'], rows)
+    return table([*headings, 'force [N] or mass', 'link (contact point in link frame [m])'], rows)
 
 
 def _figures(number: int, bag: SearchedBag) -> Html:

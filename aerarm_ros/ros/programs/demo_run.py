@@ -107,7 +107,8 @@ def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:
     found = list(pattern.finditer(log.read_text(errors='replace')))
     if not found:
         raise ValueError(
-            f'no line of {log} matches {pattern.pattern!r}: check why the process ended early'
+            f'no line of the log {log} matches {pattern.pattern!r}: check why the process ended '
+            'early'
         )
     return found[-1]
 
@@ -123,7 +124,7 @@ class DemoError(RuntimeError):
 
 @dataclass(frozen=True)
 class Motion:
-    """One recorded motion: name, description, parameters of `excitation`, and bag."""
+    """One recorded motion: name, description, parameters of the node `excitation`, and bag."""
 
     name: str
     what: str
@@ -199,7 +200,14 @@ class DemoRun:
             raise DemoError(str(error)) from None
 
     def identify(self) -> None:
-        """Identify the model; raises DemoError if it is not better than the CAD model."""
+        """Identify the model, and check its consistency and accuracy.
+
+        Raises
+        ------
+        DemoError
+            If the model is not physically consistent, or its torque error exceeds half the torque
+            error of the CAD model.
+        """
         (identification, validation), out = self._motions, self._out
         arguments = ['--bag', str(identification.bag), '--validation', str(validation.bag)]
         arguments += ['--truth', str(out / 'truth.yaml'), '--out', str(out / 'result')]
@@ -255,7 +263,7 @@ class DemoRun:
 def _failed(process: NodeProcess) -> DemoError:
     """Return the error for a process that has ended too early or with an error."""
     return DemoError(
-        f'{process.name} ended with exit status {process.returncode}; end of its log:\n'
+        f'the node {process.name} ended with exit status {process.returncode}; end of its log:\n'
         f'{process.tail()}'
     )
 
@@ -267,7 +275,9 @@ def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
         except ArmClientError:
             if hardware.returncode is not None:
                 raise _failed(hardware) from None
-    raise DemoError(f'fake_hardware was not ready within {_START_TIME} s: check {hardware.log}')
+    raise DemoError(
+        f'the node fake_hardware was not ready within {_START_TIME} s: check {hardware.log}'
+    )
 
 
 def _wait_for_recorder(recorder: NodeProcess) -> None:
@@ -304,7 +314,9 @@ def _wait(process: NodeProcess, timeout: float) -> None:
         status = process.wait(timeout)
     except TimeoutExpired:
         raise DemoError(
-            f'{process.name} did not end within {timeout:g} s: check the messages above'
+            f'the process {process.name} did not end within {timeout:g} s: check the messages above'
         ) from None
     if status != 0:
-        raise DemoError(f'{process.name} ended with exit status {status}: check the messages above')
+        raise DemoError(
+            f'the process {process.name} ended with exit status {status}: check the messages above'
+        )

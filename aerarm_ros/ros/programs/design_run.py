@@ -38,7 +38,7 @@ from aerarm_ros.ros.process.process_end import ProgressLine
 
 
 def whole_periods(duration: float, fundamental: float) -> int:
-    """Return the number of periods in a duration [s], for the fundamental frequency [Hz].
+    """Return how many periods of the fundamental frequency [Hz] a duration [s] contains.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def whole_periods(duration: float, fundamental: float) -> int:
 
 
 def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
-    """Return the standard deviation of each joint torque [Nm], None without `--torque-noise`.
+    """Return the standard deviations of torque noise per joint [Nm], None without `--torque-noise`.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
 
 
 def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
-    """Return model, limits and clearances of the packaged arm, or of the arm of `--urdf`.
+    """Return model, limits and clearances of the packaged arm, or of the arm that `--urdf` names.
 
     Raises
     ------
@@ -115,7 +115,7 @@ VALIDATION = {'slow': 0.5, 'fast': 2.0}
 
 
 class DesignRun:
-    """Search for a trajectory; the output file always contains the best trajectory so far.
+    """Search for an excitation trajectory, and keep the best trajectory so far in the output file.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ class DesignRun:
         self._designer = TrajectoryDesigner(self._specification)
 
     def run(self) -> None:
-        """Search until all starts are done, the time limit is reached, or the user stops it."""
+        """Search until all random starts are done, the time is over, or the user stops it."""
         try:
             random = self._designer.initial(0, self._is_over)
             validation = self._validation() if self._options.validation else {}
@@ -227,7 +227,7 @@ class DesignRun:
         warnings = []
         if best is random:
             more = ': pass a larger --time-limit' if self._out_of_time else ''
-            warnings.append(f'the search found no better trajectory than a random one{more}')
+            warnings.append(f'the search found no trajectory better than the random one{more}')
         condition, limit = best.quality.condition_number, self._specification.condition_limit
         if self._specification.objective == BOTH and condition > limit:
             why = (
@@ -235,12 +235,12 @@ class DesignRun:
                 if self._out_of_time
                 else (
                     f'the binding limit is {best.report.binding}. Try more starts, a larger '
-                    '--time-limit, more harmonics, or a wider limit'
+                    '--time-limit, more harmonics, or a wider binding limit'
                 )
             )
             warnings.append(
-                f'the condition number {condition:.1f} (5.2) exceeds its limit of {limit:g} '
-                f'(--condition-limit); {why}'
+                f'the condition number {condition:.1f} (thesis, 5.2) exceeds its limit of '
+                f'{limit:g} (--condition-limit); {why}'
             )
         limits = self._specification.setup.limits
         unknown = [
@@ -255,12 +255,12 @@ class DesignRun:
         if unknown:
             warnings.append(
                 f'the limit of {", ".join(unknown)} is unknown, so the designer did not check it: '
-                'set this limit if the arm has one'
+                'specify the limit if the arm has such a limit'
             )
         return warnings
 
     def _validation(self) -> dict[Path, tuple[DesignSpecification, DesignResult]]:
-        """Return a slower and a faster random trajectory for validation, by output file."""
+        """Return a slow and a fast random trajectory for validation, with output files as keys."""
         results = {}
         highest = self._specification.setup.config.highest_frequency
         for name, path in self._validation_paths().items():
@@ -329,13 +329,13 @@ class DesignRun:
         )
 
     def _remark(self, result: DesignResult) -> str:
-        remark = result.remark
+        remarks = [result.remark] if result.remark else []
         if result.stopped and not self._interrupted():
-            remark += (
-                f'; start {result.start} stopped after {result.seconds:.0f} s, when its part of '
+            remarks.append(
+                f'start {result.start} stopped after {result.seconds:.0f} s, when its part of '
                 '--time-limit was over: pass a larger limit'
             )
-        return f' ({remark})' if remark else ''
+        return f' ({"; ".join(remarks)})' if remarks else ''
 
     def _print(self, text: str) -> None:
         self._progress.close()
@@ -364,6 +364,6 @@ class DesignRun:
 def _figures(result: DesignResult) -> str:
     quality = result.quality
     return (
-        f'condition {quality.condition_number:6.1f} (5.2), '
-        f'{quality.scaled_condition_number:6.1f} scaled, {result.seconds:4.1f} s'
+        f'condition number {quality.condition_number:6.1f} (thesis, 5.2), '
+        f'{quality.scaled_condition_number:6.1f} after scaling, {result.seconds:4.1f} s'
     )

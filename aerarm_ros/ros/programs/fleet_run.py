@@ -36,7 +36,7 @@ OK, FAILED = 'ok', 'failed'
 STD = '_std'
 """Suffix of the table columns that contain standard deviations."""
 KEYS = ('bag', 'arm', 'date', 'status', 'reason')
-"""First columns of the table; the row of a bag without a result has no other values."""
+"""First columns of the table; the row of a bag that was not identified has no other values."""
 
 
 def identify(bag: Path, settings: argparse.Namespace) -> Row:
@@ -53,8 +53,9 @@ def identify(bag: Path, settings: argparse.Namespace) -> Row:
     Returns
     -------
     dict
-        Value by column name, None for a missing value. A parameter has the name of its column in
-        the regressor, and its standard deviation this name with the suffix `_std`.
+        Value by column name, None for a missing value. The column of a parameter has the name of
+        the parameter's regressor column. The column of the parameter's standard deviation has this
+        name with the suffix `_std`.
 
     Raises
     ------
@@ -90,7 +91,7 @@ def identify(bag: Path, settings: argparse.Namespace) -> Row:
 
 
 def first_columns(bag: Path, settings: argparse.Namespace, robot: str = '') -> Row:
-    """Return the first columns of the row of a bag, with the status `failed`."""
+    """Return the first columns of a bag's row, with the status `failed` and without a reason."""
     arm = bag.resolve().parent.name if settings.arm_of_folder else robot
     return {'bag': str(bag), 'arm': arm, 'date': None, 'status': FAILED, 'reason': None}
 
@@ -129,7 +130,7 @@ _NOT_IN_ROWS = ('each', 'out', 'workers', 'worker_memory', 'ray', 'started', 'ba
 
 
 class FleetRun:
-    """Identify each bag, and store each row as soon as it is known.
+    """Identify the arm in each bag, and store each row of the table as soon as it is known.
 
     Parameters
     ----------
@@ -147,8 +148,8 @@ class FleetRun:
         given |= {'--payload': options.payload, '--truth': options.truth}
         if wrong := [name for name, value in given.items() if value]:
             raise IdentificationError(
-                f'{", ".join(wrong)} cannot be combined with --each: remove this option; for a '
-                'validation pass --holdout'
+                f'{", ".join(wrong)} cannot be combined with --each: remove this option. To '
+                'validate the models, pass --holdout'
             )
         self._bags = find_bags(options.each)
         folders = {bag.resolve().parent for bag in self._bags}
@@ -158,11 +159,11 @@ class FleetRun:
 
     @property
     def passed(self) -> bool:
-        """Whether the torque errors of all identified bags satisfy the limits of --verify."""
+        """Whether the torque errors of all identified bags satisfy the limits given by --verify."""
         return all(row.get('verdict') is not False for row in self._rows.values())
 
     def execute(self) -> str:
-        """Identify all bags that have no row yet, and return a summary for the terminal.
+        """Identify the arm in each bag without a row, and return a summary for the terminal.
 
         Raises
         ------
@@ -176,8 +177,8 @@ class FleetRun:
         missing = [bag for bag in self._bags if str(bag) not in known]
         if known:
             self._print(
-                f'{self._out} already contains the results of {len(known)} of {len(self._bags)} '
-                'bags'
+                f'the folder {self._out} already contains the results of {len(known)} of '
+                f'{len(self._bags)} bags'
             )
         progress = ProgressLine('identifier', sys.stderr)
         try:
@@ -225,13 +226,14 @@ class FleetRun:
         return hashlib.sha256(repr((facts, options)).encode()).hexdigest()[:16]
 
     def _known(self, marks: dict[str, str]) -> dict[str, Row]:
-        """Return the rows of an earlier run whose bags and options have not changed."""
+        """Return rows that an earlier run stored, for bags and options that have not changed."""
         found: dict[str, Row] = {}
         path = self._out / JOURNAL
         if not path.is_file():
             if any(self._out.iterdir()):
                 raise IdentificationError(
-                    f'{self._out} contains files of another program: name another folder with --out'
+                    f'the folder {self._out} contains files of another program: name another '
+                    'folder with --out'
                 )
             return found
         for line in path.read_text(encoding='utf-8').splitlines():
@@ -287,7 +289,7 @@ class FleetRun:
 
 
 def find_bags(given: Sequence[Path]) -> list[Path]:
-    """Return the bags that the arguments of `--each` name, sorted, each once.
+    """Return the bags that the arguments of `--each` name, sorted and without duplicates.
 
     An argument is a bag, a folder to search for bags, a pattern, or a .txt file with one path per
     line.

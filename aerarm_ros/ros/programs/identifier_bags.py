@@ -36,7 +36,7 @@ _MAX_DESIRED = 20_000  # commands per bag, for the figures
 
 @dataclass(frozen=True, eq=False)
 class RecordedBag:
-    """Content of one bag: joint states, facts about their completeness, and commanded velocity."""
+    """Content of one bag: joint states, facts about their completeness, and desired velocities."""
 
     recording: Recording
     facts: BagFacts
@@ -150,7 +150,7 @@ class IdentifierBags:
         return f'{self._topic.rpartition("/")[0]}/{topic}'
 
     def _commanded(self, contents: BagContents) -> tuple[slice, str] | None:
-        """Return the slice of messages in which the arm followed commands, None if unknown."""
+        """Return the slice of messages with a commanded arm, and a description; None if unknown."""
         states = contents.joint_states[self._topic]
         modes = contents.texts.get(self._in_namespace(_MODE), [])
         span = running_span(states.log_time, states.position, modes)
@@ -175,7 +175,7 @@ class IdentifierBags:
 
 
 def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
-    """Return the folder name of each bag by its path, or the path if two folders share a name."""
+    """Return a name per path of a bag: the file or folder name, or the path if names are equal."""
     paths = list(dict.fromkeys(paths))
     names = [path.resolve().name for path in paths]
     return {
@@ -187,15 +187,15 @@ def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
 def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) -> list[str]:
     """Return warnings about bags that the options name more than once."""
     notes = [
-        f'{path} is given {identification.count(path)} times for identification, so the computed '
-        'uncertainty of the parameters is too small: pass each bag once'
+        f'the bag {path} is given {identification.count(path)} times for identification, so the '
+        'computed uncertainty of the parameters is too small: pass each bag once'
         for path in dict.fromkeys(identification)
         if identification.count(path) > 1
     ]
     return notes + [
         (
-            f'{path} is used for identification and for validation, so its validation error '
-            'is meaningless: pass another bag to --validation'
+            f'the bag {path} is used for identification and for validation, so its validation '
+            'error is meaningless: pass another bag to --validation'
         )
         for path in dict.fromkeys(identification)
         if path in validation
@@ -206,38 +206,38 @@ def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
     """Return warnings if the number of messages differs from the number in metadata.yaml.
 
     If a bag contains fewer messages than metadata.yaml lists, messages were lost after recording.
-    A killed recorder leaves a number that is too low, or no metadata.yaml.
+    A killed recorder leaves a metadata.yaml with a number that is too low, or no metadata.yaml.
     """
     kept, expected = len(contents.joint_states[topic]), contents.expected
     count = kept + contents.left_out
     notes = []
     if contents.left_out:
         notes.append(
-            f'{name}: the identifier uses only the first {kept} of {count} messages of {topic}: '
-            'cut the bag to the relevant motion'
+            f'the identifier uses only the first {kept} of {count} messages on {topic} in the bag '
+            f'{name}: cut the bag to the relevant motion'
         )
     if expected is None:
         notes.append(
-            f'{name}: metadata.yaml is missing or unreadable, so the recording may be '
+            f'in the bag {name} metadata.yaml is missing or unreadable, so the recording may be '
             'incomplete: check that the recorder ended normally, and copy the whole bag'
         )
     elif count < expected:
         notes.append(
-            f'{name} is truncated: it contains {count} of the {expected} messages of {topic} '
-            'that metadata.yaml lists. Copy the whole bag again'
+            f'the bag {name} is truncated: it contains {count} of the {expected} messages on '
+            f'{topic} that metadata.yaml lists. Copy the whole bag again'
         )
     elif count > expected:
         notes.append(
-            f'{name} contains {count} messages of {topic}, but metadata.yaml lists {expected}, '
-            'because the recorder was killed. The end of the motion may be missing: record the '
-            'bag again'
+            f'the bag {name} contains {count} messages on {topic}, but metadata.yaml lists '
+            f'{expected}, because the recorder was killed. The end of the motion may be missing: '
+            'record the bag again'
         )
     return notes
 
 
 @contextlib.contextmanager
 def _collected_warnings(texts: list[str]) -> Iterator[None]:
-    """Add warnings about a bag, issued inside this context, to `texts`, even after an error."""
+    """Append warnings about a bag from a `with` block to `texts`, even after an error."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
         try:

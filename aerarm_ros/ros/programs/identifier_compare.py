@@ -81,7 +81,7 @@ def _estimate(path: Path) -> Path:
 
 
 def _lines(comparison: EstimateComparison) -> list[str]:
-    """Return one line per parameter that differs significantly, then the numbers of parameters."""
+    """Return one line per significantly different parameter, then lines with parameter counts."""
     clear = [change for change in comparison.changes if change.is_clear]
     lines = [
         f'{change.name}: {change.old:.4g} -> {change.new:.4g} {change.unit}'.rstrip()
@@ -94,7 +94,7 @@ def _lines(comparison: EstimateComparison) -> list[str]:
     )
     if comparison.unmatched:
         lines.append(
-            f'{comparison.unmatched} sums of parameters are identifiable in only one of the two '
-            'results'
+            f'{comparison.unmatched} linear combinations of parameters are identifiable in only '
+            'one of the two results, so they are not compared'
         )
     return lines

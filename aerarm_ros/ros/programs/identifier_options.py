@@ -1,4 +1,4 @@
-"""Options of the identifier's command line; without slow imports, so `--help` is fast."""
+"""Command-line options of the identifier; the module has no slow imports, so `--help` is fast."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def optional_path(text: str) -> Path | None:
 
 
 Option = tuple[str, dict[str, Any], str]
-"""Option, arguments for argparse, and help text."""
+"""Name of an option, its keyword arguments for argparse, and its help text."""
 
 _OPTIONS: tuple[Option, ...] = (
     ('--bag', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
@@ -35,8 +35,8 @@ _OPTIONS: tuple[Option, ...] = (
         'recordings of the same arm with a payload, from which the identifier estimates the '
         "payload's mass, centre of mass and inertia"),
     ('--model', {'type': optional_path, 'metavar': 'FILE'},
-        'identified model of the arm, estimate.yaml: the identifier then estimates only the '
-        'payload of --payload, and needs no --bag'),
+        'identified model of the arm, estimate.yaml; with this option the identifier estimates '
+        'only the payload of --payload, and needs no --bag'),
     ('--each', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'BAG'},
         'identify one arm per bag and write one table of all arms. Pass bags, folders, a quoted '
         'pattern, or a .txt file with one path per line. To continue an interrupted run, repeat '
@@ -46,8 +46,8 @@ _OPTIONS: tuple[Option, ...] = (
     ('--worker-memory', {'type': float, 'default': 4.0, 'metavar': 'GIB'},
         'memory limit of each process of --each [GiB]; 0 for no limit (default: %(default)g)'),
     ('--ray', {'default': '', 'metavar': 'ADDRESS'},
-        "address of the Ray cluster on which to run --each; 'local' starts a cluster on this "
-        'computer'),
+        'address of the Ray cluster that runs the identifications of --each; '
+        "'local' starts a cluster on this computer"),
     ('--holdout', {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
         'fraction of each recording of --bag, taken from its end, for validation instead of '
         'identification'),
@@ -63,7 +63,8 @@ _OPTIONS: tuple[Option, ...] = (
         'read positions and velocities of .csv and .npz files in degrees if the column name '
         'states no unit'),
     ('--numbered-from', {'type': int, 'choices': (0, 1)},
-        'number of the first joint in the column names of a .csv file (default: detected)'),
+        'number of the first joint, 0 or 1, in the column names of a .csv file (default: '
+        'detected)'),
     ('--bag-ratio', {'type': float, 'default': 100.0, 'metavar': 'N'},
         'largest accepted ratio of decompressed size to file size of a bag (default: %(default)g)'),
     ('--bag-part', {'type': float, 'default': 64.0, 'metavar': 'MB'},
@@ -97,7 +98,7 @@ _OPTIONS: tuple[Option, ...] = (
         "gravity in the frame of the arm's base [m/s^2] (default: as in --config, otherwise 0 0 "
         '-9.81)'),
     ('--exact-gravity', {'action': 'store_true'},
-        'use the given direction of gravity, and do not estimate a tilt of the base'),
+        "use the given direction of gravity, and do not estimate a tilt of the arm's base"),
     ('--exact-stamps', {'action': 'store_true'},
         'assume that position, velocity and effort in one message were measured at the same '
         'time, and estimate no delays between them'),
@@ -125,8 +126,8 @@ _OPTIONS: tuple[Option, ...] = (
         'smallest and largest possible total mass of the moving links [kg], for example from '
         'weighing'),
     ('--bound-centres', {'action': 'store_true'},
-        "constrain the centre of mass of each link to the homogeneous box that has the link's "
-        'inertia in the URDF'),
+        'constrain the centre of mass of each link to the inside of a homogeneous box with the '
+        "link's inertia in the URDF"),
     ('--solvers', {'nargs': '+', 'choices': _SOLVERS, 'default': [], 'metavar': 'NAME'},
         'solvers in addition to cad, cad_friction, ols and sdp, which always run (default: wls); '
         'slsqp and annealing take seconds'),
@@ -142,7 +143,7 @@ _OF_ARM = (
 
 
 def table_parser(name: str, description: str, options: Iterable[Option]) -> OneLineParser:
-    """Return the parser of a program; the parsed options contain the start time as `started`."""
+    """Return a program's parser, which adds the program's start time as the option `started`."""
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
     _add_options(parser, options)
     parser.set_defaults(started=time.localtime())
@@ -167,13 +168,13 @@ def _add_options(parser: OneLineParser, options: Iterable[Option]) -> None:
 
 
 def result_folder(options: argparse.Namespace, kind: str) -> Path:
-    """Return the folder of `--out`, by default a folder with the program's start time."""
+    """Return the folder of `--out`, by default a folder named after the program's start time."""
     given: Path | None = options.out
     return given or Path('output') / time.strftime(f'{kind}_%Y%m%d_%H%M%S', options.started)
 
 
 def pair(text: str, option: str, form: str = 'LEFT=RIGHT') -> tuple[str, str]:
-    """Split a text of the form LEFT=RIGHT; raises IdentificationError for other texts."""
+    """Split a text of the form LEFT=RIGHT; raise IdentificationError for any other text."""
     left, equals, right = text.partition('=')
     if not (left and equals and right):
         raise IdentificationError(f'{option} {text} is invalid: write {form}')

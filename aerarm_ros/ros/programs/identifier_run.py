@@ -68,7 +68,7 @@ RESULT_FILES = (
 def write_result(
     result: IdentificationResult, directory: ResultDirectory, extras: ReportExtras
 ) -> tuple[str, ...]:
-    """Write estimate, URDF, MJCF, SDF, payload and report; return warnings about these files.
+    """Write estimate, URDF, MJCF, SDF, payload and report; return warnings about the files.
 
     Raises
     ------
@@ -100,7 +100,7 @@ _ROLES = ('identification', 'validation')
 
 
 def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
-    """Return a table with the largest torque error of each written file over the given bags."""
+    """Return a table with the largest torque error, over the bags, of the model in each file."""
     lines = [f'Low-passed torque error [%] on {_names(judged)}, of the model in each written file']
     width = max((len(error.file) for error in exports), default=0)
     for error in exports:
@@ -112,7 +112,7 @@ def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) ->
 def _names(judged: Sequence[Recording]) -> str:
     if len(judged) == 1:
         return judged[0].name
-    return f'the bag with the largest error, of {len(judged)} bags'
+    return f'the worst of {len(judged)} bags'
 
 
 def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) -> str:
@@ -142,7 +142,7 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
             f'the estimated gravity differs by {degrees:.2f} degrees from the direction of '
-            '--gravity; the result uses the estimate'
+            '--gravity; the result uses the estimated gravity'
         )
     lines += [f'{bag}: {known.text}' for bag, known in facts.items()]
     return '\n'.join(lines)
@@ -208,7 +208,7 @@ class RecordedArm:
         return self._names[path]
 
     def recording(self, path: Path) -> Recording:
-        """Read and return the recording of a bag; raises BagError or IdentificationError."""
+        """Read and return the recording of a bag, or raise BagError or IdentificationError."""
         name = self._names[path]
         self.read[name] = self._bags.read(path, name)
         return self.read[name].recording
@@ -219,11 +219,17 @@ class RecordedArm:
 
 
 UNCALIBRATED = 0.1
-"""Relative standard deviation assumed for a torque constant from a data sheet or a paper."""
+"""Assumed relative standard deviation of a torque constant from a data sheet or a paper."""
 
 
 def gain_deviation(options: argparse.Namespace) -> float:
-    """Return the relative standard deviation of the effort gains; raises IdentificationError."""
+    """Return the relative standard deviation of the effort gains from `--effort-gain-std`.
+
+    Raises
+    ------
+    IdentificationError
+        If the value of the option is not a fraction.
+    """
     given = options.effort_gain_std
     if given is None:
         return UNCALIBRATED if options.effort_gain else 0.0
@@ -302,7 +308,7 @@ class IdentifierRun:
 
     @property
     def passed(self) -> bool:
-        """Whether the torque errors satisfy the limits of --verify; True without --verify."""
+        """Whether the torque errors satisfy the limits given by --verify; True without --verify."""
         return self._verdict is None or self._verdict.passed
 
     def execute(self) -> str:
@@ -477,10 +483,10 @@ _FILES = ('payload.yaml', MARKER)
 
 
 class PayloadRun(IdentifierRun):
-    """Identify only a payload, with the arm's model from `--model`."""
+    """Identify only a payload, with the identified model of the arm from `--model`."""
 
     def execute(self) -> str:
-        """Identify the payload, write it, and return the text to print.
+        """Identify the payload, write the result files, and return the text to print.
 
         Raises
         ------

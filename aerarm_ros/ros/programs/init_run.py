@@ -25,7 +25,8 @@ class InitRun:
     Raises
     ------
     ValueError, OSError
-        If the URDF cannot be used, or an output file already exists. Then no file is written.
+        If the URDF cannot be used, or an output file already exists. In both cases the program
+        writes no file.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -59,7 +60,7 @@ class InitRun:
         load_excitation_config(self._excitation_file)
         joints = draft.config.joint_names
         print(
-            f'{self._urdf}: {len(joints)} joints, {self._mass:.2f} kg of moving mass: '
+            f'{self._urdf}: {self._mass:.2f} kg of moving mass, {len(joints)} joints: '
             f'{", ".join(joints)}'
         )
         print(
@@ -80,7 +81,7 @@ class InitRun:
                 written = 'check_clearance: false, so motions are NOT checked for collisions'
             print(f'arm init: warning: {draft.problem}. The written files contain {written}')
         print(
-            'Try the files on emulated boards, each line in a separate terminal:\n'
+            'Try the files on emulated boards. Run each line in a separate terminal:\n'
             f'  fake_hardware --ros-args {self._parameters()}\n'
             '  arm home --wait-before unhomed --wait ready\n'
             f'  excitation --ros-args {self._parameters()} -p '

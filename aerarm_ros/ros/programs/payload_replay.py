@@ -1,4 +1,4 @@
-"""`payload_estimator` without ROS: `--bag` estimates a payload, `--trend` prints friction."""
+"""`payload_estimator` without ROS: `--bag` estimates a payload, `--trend` prints a trend."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from aerarm_ros.ros.programs.identifier_run import UNCALIBRATED, RecordedArm, ga
 
 
 def main() -> int:
-    """Estimate a payload or print the friction trend, with the command line of this process."""
+    """Estimate a payload or print the friction trend, as this process's command line requests."""
     name, given = 'payload_estimator', sys.argv[1:]
     is_trend = any(argument.split('=')[0] == '--trend' for argument in given)
     return (show_trend if is_trend else replay)(name, given)
@@ -67,13 +67,13 @@ def trend_table(trend: FrictionTrend) -> str:
     """Return one line per friction coefficient, and mark significant changes with `*`."""
     records, changes = trend.records, trend.changes()
     if not changes:
-        return f'the file has {len(records)} records, but a trend needs at least two'
+        return f'the trend file has {len(records)} records, but a trend needs at least two'
     dates = (datetime.fromtimestamp(records[index].time, UTC) for index in (0, -1))
     first, last = (f'{date:%Y-%m-%d %H:%M}' for date in dates)
     width = max(len(change.name) for change in changes)
     lines = [
         f'{len(records)} records, {first} to {last} UTC',
-        f'  {"":{width}}  {"first":>9} {"last":>9}   a week',
+        f'  {"":{width}}  {"first":>9} {"last":>9}   per week',
     ]
     for change in changes:
         mark = '*' if change.is_clear else ' '
@@ -93,7 +93,7 @@ _FILES = ('payload.yaml', _GAINS, MARKER)
 
 
 def replay(name: str, arguments: Sequence[str]) -> int:
-    """Estimate a payload from bags; return 0, 2 for an invalid input, or 130 after a stop."""
+    """Estimate a payload from bags, and return the exit status, as `run_replay` defines it."""
 
     def run(options: argparse.Namespace, is_stopped: Callable[[], bool]) -> int:
         print(PayloadReplay(options, is_stopped).execute())
@@ -111,7 +111,7 @@ def run_replay(
 ) -> int:
     """Run a program that reads bags, and return the exit status.
 
-    The status is that of `run`, 2 for an invalid input, or 130 after a stop.
+    The exit status is the value that `run` returns, 2 for an invalid input, or 130 after a stop.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def replay_parser(name: str) -> OneLineParser:
 def add_parameters(
     parser: OneLineParser, parameters: Iterable[Parameter], measured: str = ''
 ) -> None:
-    """Add one option per parameter of a node; the parameter `measured` has no fixed default."""
+    """Add one option per node parameter; the parameter named `measured` has no fixed default."""
     for parameter in parameters:
         unit = f' [{parameter.unit}]' if parameter.unit else ''
         is_measured = parameter.name == measured
@@ -187,7 +187,7 @@ def add_parameters(
 
 
 def check_parameters(options: argparse.Namespace, parameters: Iterable[Parameter]) -> None:
-    """Raise IdentificationError if the option of a parameter has an invalid value."""
+    """Raise IdentificationError if an option that `add_parameters` added has an invalid value."""
     for parameter in parameters:
         if problem := parameter.problem(getattr(options, parameter.name)):
             text = problem.removeprefix(f'parameter {parameter.name}')
@@ -197,7 +197,10 @@ def check_parameters(options: argparse.Namespace, parameters: Iterable[Parameter
 def known_arm(
     recorded: RecordedArm, options: argparse.Namespace
 ) -> tuple[KnownArm, Estimate | None]:
-    """Return the arm of `--model` and its estimate, or the arm of the URDF and None."""
+    """Return the arm's model, and the estimate in the file of `--model`.
+
+    Without `--model`, return the model in the URDF, and None instead of the estimate.
+    """
     robot, config = recorded.robot, recorded.config
     if options.model is None:
         rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
@@ -290,7 +293,7 @@ class PayloadReplay:
         return '\n'.join([*lines, *_payload_lines(last), *self._friction_lines(last)]), last
 
     def _estimator_for(self, first: Recording) -> PayloadEstimator:
-        """Return the estimator; by default the torque noise is measured in the first recording."""
+        """Return the estimator; without `--torque-noise`, measure the noise in the first bag."""
         settings, noise = estimator_settings(self._options), None
         if self._measures_noise:
             noise = unexplained_torque(self._arm, first, settings.bandwidth, self._is_stopped)
@@ -298,7 +301,7 @@ class PayloadReplay:
         return self._arm.estimator(settings, noise)
 
     def _calibrate(self) -> str:
-        """Calibrate the effort gains by the known mass; return text, and write files to `--out`."""
+        """Calibrate the effort gains with the known mass, write files, and return a text."""
         assert self._estimate is not None
         recordings = [self._recorded.recording(path) for path in self._options.bag]
         found = calibrate_gains(
@@ -314,7 +317,7 @@ class PayloadReplay:
         old = np.array([float(before.get(name, 1.0)) for name in names])
         gains, std = old * found.factors, old * found.std
         rows = zip(names, old, gains, std, strict=True)
-        lines = ['Effort gains: passed by --effort-gain -> calibrated with the known mass']
+        lines = ['Effort gain of each joint, before -> after the calibration with the known mass:']
         lines += [f'  {name}: {a:.4g} -> {b:.4g} ± {s:.2g}' for name, a, b, s in rows]
         values = ' '.join(f'{name}={gain:.5g}' for name, gain in zip(names, gains, strict=True))
         share = float(np.median(found.std / found.factors))
@@ -335,9 +338,9 @@ class PayloadReplay:
         return '\n'.join([*lines, str(directory.target / _GAINS)])
 
     def _friction_lines(self, last: OnlineEstimate) -> list[str]:
-        """Return a table that compares the friction of the model and of the last bag."""
+        """Return a table that compares the friction in the model with that in the last bag."""
         names = ', '.join(self._arm.robot.joint_names)
-        lines = [f'Friction in the model -> at the end of the last bag, of {names}']
+        lines = [f'Friction of {names}, in the model -> estimated at the end of the last bag:']
         rows = zip(self._arm.friction, last.friction, last.friction_std, strict=True)
         for name, row in zip(FRICTION_NAMES, rows, strict=True):
             values = zip(*row, strict=True)
@@ -355,11 +358,11 @@ def _changes_text(changes: Sequence[LoadChange], knocks: Sequence[float]) -> str
         f'{"picked up" if change.carries else "put down"} at {change.time:.2f} s'
         for change in changes
     ]
-    text = ', '.join(parts) or 'no payload was picked up or put down'
+    texts = [', '.join(parts) or 'no payload was picked up or put down']
     if knocks:
         times = ', '.join(f'{time:.2f}' for time in knocks)
-        text += f'; contact or model error (no payload explains the torque) at {times} s'
-    return text
+        texts.append(f'no payload explains the torque (contact or model error) at {times} s')
+    return '; '.join(texts)
 
 
 def _payload_lines(last: OnlineEstimate) -> list[str]:
@@ -374,6 +377,6 @@ def _payload_lines(last: OnlineEstimate) -> list[str]:
     return [
         f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg at ({centre}) m in the frame of '
         f'{payload.link}',
-        f'Inertial parameters: [{inertial}]; parameters that the motion does not excite: '
-        f'{" ".join(last.unexcited) or "none"}',
+        f'Inertial parameters of the payload: [{inertial}]; parameters that the motion does not '
+        f'excite: {" ".join(last.unexcited) or "none"}',
     ]

@@ -1,4 +1,4 @@
-"""Client for the services of the running bridge, for commands and nodes."""
+"""Client for the services of the running bridge, used by commands and nodes."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ _QUIET = 1.0  # [s] of waiting without a message to the user
 
 
 class ArmClientError(RuntimeError):
-    """A request failed: the node was not found, did not answer or rejected the request.
+    """Error for a request to a node that was not found, did not answer or rejected the request.
 
-    The message names the node and states what to check.
+    The error's message names the node and states what to check.
     """
 
 
@@ -133,7 +133,7 @@ class ArmClient:
         action
             One of `STOPS` that was given to the constructor.
         timeout
-            Longest time to find bridges, and again for the answer of each [s].
+            Longest time to find bridges, and again for the answer of each bridge [s].
 
         Raises
         ------
@@ -152,14 +152,15 @@ class ArmClient:
                     yield f'{name}: {request.answers[name].message}'
         if not request.answers:
             raise ArmClientError(
-                f'no bridge offers {action}: check that one runs in {this_domain()}'
+                f'no bridge offers the service {action}: check that a bridge runs in '
+                f'{this_domain()}'
             )
         failed = [f'{n}: {text}' for n, (done, text) in sorted(request.answers.items()) if not done]
         if failed:
-            raise ArmClientError(f'{action} is NOT confirmed: {"; ".join(failed)}')
+            raise ArmClientError(f'the request {action} is NOT confirmed: {"; ".join(failed)}')
 
     def wait_for_mode(self, modes: Collection[str], timeout: float) -> None:
-        """Wait until the newest `arm_mode` is one of `modes`.
+        """Wait until the newest message on the topic `arm_mode` is one of `modes`.
 
         Raises
         ------
@@ -173,10 +174,11 @@ class ArmClient:
             seen = f'no arm_mode received: check that a bridge runs in {this_domain()}'
             if self.mode:
                 seen = f"arm_mode is '{self.mode}': check the log of the bridge"
-            raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}, but {seen}')
+            wanted = ' or '.join(modes)
+            raise ArmClientError(f'waited {timeout:g} s for the arm_mode {wanted}, but {seen}')
 
     def _find(self, condition: Callable[[], object], timeout: float) -> bool:
-        """Wait until a running bridge meets `condition`; return False after `timeout` [s]."""
+        """Wait for a bridge until `condition` returns true; return False after `timeout` [s]."""
         if spin_until(self._node, condition, min(timeout, _QUIET)):
             return True
         if timeout <= _QUIET:
@@ -193,9 +195,10 @@ class ArmClient:
         if not self._find(ready, timeout):
             names = ' or '.join(client.srv_name for client in clients)
             others = ' and '.join(bridges_among(offered_actions(self._node)))
-            hint = f' Found: {others}; --bridge NAME selects one' if others else ''
+            hint = f'. Found the bridges {others}: select one with --bridge NAME' if others else ''
             raise ArmClientError(
-                f'no service {names}: check that a bridge runs in {this_domain()}{hint}'
+                f'no bridge offers the service {names}: check that a bridge runs in '
+                f'{this_domain()}{hint}'
             )
         # Discovery may still find another bridge.
         first, left = ready(), self._begin + _DISCOVERY_TIME - time.monotonic()
@@ -203,14 +206,17 @@ class ArmClient:
         found = ready() or first
         if len(found) > 1:
             names = ' and '.join(client.srv_name for client in found)
-            raise ArmClientError(f'found {names}: stop one bridge, or name the intended one')
+            raise ArmClientError(
+                f'several bridges offer the services {names}: stop all bridges but one, or name '
+                'the intended bridge'
+            )
         self._expect_one_of_its_name(found[0], timeout)
         return found[0]
 
     def _expect_one_of_its_name(self, client: Client, timeout: float) -> None:
-        """Raise ArmClientError if several bridges share a name, as all would run the request."""
+        """Raise ArmClientError if several bridges share a name and would all run the request."""
         if same_name_problem(self._node, client):
-            self._on_wait('one of the bridges with this name to end, if it was killed')
+            self._on_wait('all but one of the bridges with the same name to end')
             timeout = min(timeout, _LISTED_AFTER_DEATH)
             spin_until(self._node, lambda: not same_name_problem(self._node, client), timeout)
         problem = same_name_problem(self._node, client)
@@ -241,7 +247,7 @@ AT_END_PARAMETERS = grouped(
 
 
 class ArmAtEnd:
-    """Call the bridge's service `hold` when a node ends, if its parameter `at_end` is 'hold'.
+    """Call the bridge's service `hold` when a node ends whose parameter `at_end` is 'hold'.
 
     A killed node sends no request, so the bridge damps the arm.
 
@@ -259,14 +265,14 @@ class ArmAtEnd:
         self._hold = BridgeService(node, 'hold', values.bridges) if values.at_end == HOLD else None
 
     def leave(self) -> None:
-        """Call `hold`, and wait until the bridge has answered."""
+        """Call the bridge's service `hold`, and wait for the answer."""
         if self._hold is None or not self._hold.found:
             return
         done, text = self._hold.call()
         log = self._node.get_logger()
         # rclpy fixes the severity of each line of code that logs.
         if done:
-            log.info(f'at the end {text}')
+            log.info(f'at the end of this node: {text}')
         # A bridge that ends at the same time cannot hold the arm.
         elif self._hold.found and not text.endswith(NOT_ACTIVE):
-            log.warning(f'the arm is not held at the end: {text}')
+            log.warning(f'the bridge does not hold the arm at the end of this node: {text}')

@@ -1,4 +1,4 @@
-"""Requests of the command `arm` to the bridge and to other nodes."""
+"""Requests that the command `arm` sends to the bridge and to other nodes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 NAME = 'arm'
 HERE = 64
-"""Exit status of `arm record` if no `ground_link` runs, so the recorder must run on this host."""
+"""Exit status of `arm record` if the recorder must run on this host, as no `ground_link` runs."""
 
 
 class Arm:
@@ -54,9 +54,9 @@ def _say_wait(what: str) -> None:
 
 
 def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    """Return a function that calls the service of the bridge that the command names.
+    """Return a function that calls the bridge's service with the same name as the command.
 
-    The service client is created before that call, because discovery takes time.
+    This function creates the service client before the call, because discovery takes time.
     """
     bridges = options.bridge or (['fake_hardware'] if options.command == 'put_back' else [])
     actions = [options.command, *(['home'] if getattr(options, 'home', False) else [])]
@@ -148,7 +148,8 @@ def _record(node: Node, options: argparse.Namespace) -> Callable[[], None]:
             if options.command == 'record':
                 raise _HereError
             raise ArmClientError(
-                f'no ground_link runs on this host in {this_domain()}: start ground_side.launch.py'
+                f'the node ground_link does not run on this host in {this_domain()}: start '
+                'ground_side.launch.py'
             )
         if options.command == 'record':
             request.record()

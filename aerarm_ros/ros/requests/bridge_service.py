@@ -21,7 +21,7 @@ ASK_AGAIN = 0.5  # [s]
 
 
 class ServiceCall:
-    """Call of one service: the constructor sends the request, `poll` returns the answer.
+    """Call of one service: the constructor sends the request, and `poll` returns the answer.
 
     The caller of `poll` must spin the node, in the same or another thread.
 
@@ -32,8 +32,8 @@ class ServiceCall:
     timeout
         Longest time to wait for the answer [s].
     waits
-        Whether to keep waiting for a bridge that has disappeared, because a bridge on a host that
-        pauses for seconds seems to have disappeared too.
+        Whether to keep waiting for a bridge that has disappeared from the ROS graph. A bridge also
+        disappears for a while if its host pauses for seconds.
     repeats
         Whether to repeat the request until an answer arrives. An answer is lost if the bridge has
         not yet discovered the client. Set this only for requests that may be executed twice.
@@ -71,7 +71,8 @@ class ServiceCall:
         if not is_sent and (is_late or self._interval == inf):
             return self._end(False, self._problem)
         if is_late:
-            return self._end(False, f'no response within {self._timeout:g} s: check arm_mode')
+            text = f'the bridge did not respond within {self._timeout:g} s: check arm_mode'
+            return self._end(False, text)
         if not self._waits and not self._client.service_is_ready():
             return self._end(False, 'the bridge has ended: check its log')
         if now - self._asked > self._interval:
@@ -84,7 +85,7 @@ class ServiceCall:
             self._futures.append(self._client.call_async(Trigger.Request()))
         except (RCLError, InvalidHandle) as error:
             # Clients of several bridges continue with the next bridge.
-            self._problem = f'the node cannot receive requests: {error}'
+            self._problem = f'the request to the bridge could not be sent: {error}'
 
     def _end(self, accepted: bool, message: str) -> Answer:
         self._answer = Answer(accepted, message)
@@ -132,7 +133,7 @@ def bridges_among(services: Iterable[str]) -> list[str]:
 
 
 def same_name_problem(node: Node, client: Client | None) -> str:
-    """Return a message if several bridges have the name that a client calls, else an empty string.
+    """Return an error message if several bridges have the name that a client calls, else ''.
 
     All of these bridges execute the request, but the client receives only one answer.
     """
@@ -157,7 +158,8 @@ class BridgeFinder:
         Owner of the clients; the finder searches the ROS graph of this node.
     action
         Name of the service, one of `ACTIONS`. The finder searches the node's namespace. If that
-        namespace has no bridge and `action` is in `REACHES_ALL`, it searches all namespaces.
+        namespace has no bridge and `action` is in `REACHES_ALL`, the finder searches all
+        namespaces.
     bridges
         Node names of expected bridges. Their clients are created at once, because the first
         answer is lost if the bridge has not yet discovered the client.
@@ -191,8 +193,8 @@ class BridgeFinder:
         """Return the client of each running bridge, with the bridge's full name as the key.
 
         `in_vain` means that the node's own namespace was already searched without success. An
-        emergency stop then searches all namespaces at once. A client may not be ready yet. It is
-        None if this node is not allowed to call that bridge.
+        emergency stop then searches all namespaces at once. A returned client may not be ready yet.
+        The client is None if a security policy does not allow this node to call the bridge.
         """
         with self._lock:
             names = self._look(in_vain)
@@ -206,7 +208,7 @@ class BridgeFinder:
             }
 
     def is_settled(self) -> bool:
-        """Return whether discovery is probably complete, so that no further bridge appears."""
+        """Return whether discovery is probably complete, so that no further bridge will appear."""
         now = time.monotonic()
         return now - self._born > _DISCOVERY_TIME and now - self._changed > _PAUSE
 
@@ -277,9 +279,15 @@ class BridgeService:
         found = self._find()
         if not found:
             names = ' or '.join(client.srv_name for client in self._clients.values())
-            return False, f'no service {names}: check that the bridge runs in {this_domain()}'
+            return False, (
+                f'no bridge offers the service {names}: check that the bridge runs in '
+                f'{this_domain()}'
+            )
         if len(found) > 1:
-            return False, f'found {" and ".join(found)}: stop one bridge, or name the intended one'
+            return False, (
+                f'found the bridges {" and ".join(found)}: stop all bridges but one, or name the '
+                'intended bridge'
+            )
         ((name, client),) = found.items()
         problem = same_name_problem(self._node, client)
         if problem:
@@ -363,7 +371,7 @@ class StopRequest:
         if is_late:
             for name in found.keys() - self._calls.keys():
                 self.answers[name] = Answer(
-                    False, 'the bridge is visible, but cannot receive requests: check its log'
+                    False, 'the bridge was discovered, but cannot receive requests: check its log'
                 )
         is_answered = not (found.keys() | self._calls.keys()) - self.answers.keys()
         # The search for further bridges continues after the first one, even beyond the timeout.
@@ -373,14 +381,14 @@ class StopRequest:
         return self.is_over
 
     def _ask(self, name: str, client: Client) -> None:
-        """Send the request to a bridge; repeat it if another bridge with its name appears."""
+        """Send the request to a bridge, and again if another bridge with the same name appears."""
         count = max(self._node.count_services(client.srv_name), 1)  # The service is ready.
         if count > self._asked.get(name, 0):
             self._asked[name] = count
             self._calls[name] = ServiceCall(client, self._timeout, repeats=True)
 
     def _ask_those_of_one_name(self, found: Mapping[str, Client | None]) -> bool:
-        """Send one more request to bridges that share a name; return whether any was sent.
+        """Send one more request to bridges that share a name; return whether a request was sent.
 
         A request that was sent during the discovery of these bridges may not have reached all of
         them. Afterwards the answer for their name becomes an error.
@@ -410,7 +418,7 @@ class StopService:
     bridges
         Node names of expected bridges, relative or absolute.
     timeout
-        Longest time to find bridges, and again for the answer of each [s].
+        Longest time to find bridges, and again for the answer of each bridge [s].
     """
 
     def __init__(
@@ -422,7 +430,7 @@ class StopService:
         self._timeout = timeout
 
     def look(self) -> None:
-        """Find the running bridges and create their clients, to save time in a later call."""
+        """Find the running bridges and create their clients now, so that a later call is faster."""
         self._finder.find()
 
     def call(self) -> tuple[bool, str]:
@@ -439,6 +447,9 @@ class StopService:
         while not request.poll():
             time.sleep(_POLL)
         if not request.answers:
-            return False, f'no bridge offers {self._action}: check that one runs in {this_domain()}'
+            return False, (
+                f'no bridge offers the service {self._action}: check that a bridge runs in '
+                f'{this_domain()}'
+            )
         text = '; '.join(f'{name}: {reply}' for name, (_, reply) in sorted(request.answers.items()))
         return all(done for done, _ in request.answers.values()), text

@@ -93,7 +93,7 @@ class CommissioningClient:
 
     @property
     def path(self) -> Path:
-        """File of the commissioning record."""
+        """Path of the file with the commissioning record."""
         emulated = self.report is not None and self.report.emulated
         return Path(self._given) if self._given else record_path(self._source, emulated)
 
@@ -101,7 +101,8 @@ class CommissioningClient:
     def problem(self) -> str:
         """Reason why the commissioning procedure cannot continue, or an empty string."""
         silent = time.monotonic() - self._received_at > _SILENCE
-        return 'the bridge no longer responds' if silent and self.is_on else ''
+        text = 'the bridge no longer responds: check the log of the bridge'
+        return text if silent and self.is_on else ''
 
     @property
     def outcome(self) -> tuple[bool, str]:
@@ -128,7 +129,7 @@ class CommissioningClient:
         """
         if self.report is None:
             raise ValueError(
-                'no bridge has answered a commissioning request yet: check that one is active'
+                'no bridge has answered a commissioning request yet: check that a bridge is active'
             )
         own = self._config.joint_names
         self._prefix = self.report.joints[0].removesuffix(own[0])
@@ -152,13 +153,13 @@ class CommissioningClient:
         if resume:
             chosen = [i for i in chosen if i in record.open_joints(self._config)]
         if not chosen:
-            raise ValueError(f'every selected joint has already passed, see {self.path}')
+            raise ValueError(f'every selected joint has already passed: see the record {self.path}')
         self._saved = record.with_prefix(self._prefix)
         self._received_at = time.monotonic()
         self.guided = Commissioning(config, robot, self._saved, chosen, self._name)
 
     def poll(self) -> None:
-        """Send the present request, process the newest report, and save a changed record.
+        """Send the present request to the bridge, process its newest report, and save the record.
 
         Raises OSError if the record cannot be saved.
         """
@@ -197,8 +198,8 @@ class CommissioningClient:
         if (record.arm, record.emulated) != (fresh.arm, fresh.emulated):
             kind = 'an emulated' if record.emulated else 'the real'
             raise ValueError(
-                f'{self.path} is the record of {kind} {record.arm}: select another file with '
-                '--record'
+                f'{self.path} contains the commissioning record of {kind} arm {record.arm}: select '
+                'another file with --record'
             )
         return record
 
@@ -216,7 +217,7 @@ class CommissioningClient:
 
 
 class EmulatedPerson:
-    """Stand in for the person on emulated boards: turn the joints and confirm the prompts.
+    """Turn the joints of emulated boards and confirm the prompts, as a person does on a real arm.
 
     Parameters
     ----------
@@ -237,7 +238,7 @@ class EmulatedPerson:
         self._still = 0
 
     def poll(self) -> None:
-        """Perform the next action; to be called once after each `poll` of the client.
+        """Turn a joint, or confirm a prompt; call this method once after each `poll` of the client.
 
         Raises ValueError if the parameter `hand` is rejected.
         """
@@ -262,7 +263,7 @@ class EmulatedPerson:
         self._client.guided.answer(True)
 
     def _rests(self, report: ProbeReport | None) -> bool:
-        """Return whether the motors have not moved during the last ten reports."""
+        """Return whether all motors have been at rest in the last ten reports."""
         if report is None or report is self._last:
             return False
         last, self._last = self._last, report
@@ -273,7 +274,7 @@ class EmulatedPerson:
 
 
 _SPIN = 0.02  # [s]
-_ANSWERS = '[y: done, n: skip this step, Ctrl-C: stop, motors off]'
+_ANSWERS = '[y: done, n: skip this step, Ctrl-C: stop and switch the motors off]'
 
 
 class CommissioningRun:
@@ -296,7 +297,7 @@ class CommissioningRun:
         self._printed = 0
 
     def run(self) -> None:
-        """Run the commissioning procedure, and switch the motors off at the end in every case.
+        """Run the commissioning procedure, then switch the motors off, even after an error.
 
         Raises
         ------
@@ -327,13 +328,13 @@ class CommissioningRun:
 
         if not spin_until(self._node, has_reported, self._options.timeout):
             raise ArmClientError(
-                'no bridge answers on commissioning_report: check that a bridge is active in '
-                f'{this_domain()}'
+                'no bridge answers on the topic commissioning_report: check that a bridge is '
+                f'active in {this_domain()}'
             )
         if self._person is not None and not (client.report and client.report.emulated):
             raise ArmClientError(
-                '--yes is for emulated boards only: on a real arm a person must turn the joints '
-                'and check that the arm can move freely'
+                '--yes is for emulated boards only, because on a real arm a person must turn the '
+                'joints and check that the arm can move freely: remove --yes'
             )
 
     def _lead(self) -> None:
@@ -343,7 +344,7 @@ class CommissioningRun:
             client.poll()
             self._print_news()
             if client.problem:
-                raise ArmClientError(f'{client.problem}: check the log of the bridge')
+                raise ArmClientError(client.problem)
             self._ask()
             if self._person is not None:
                 self._person.poll()
@@ -366,7 +367,7 @@ class CommissioningRun:
             print(f'  {prompt.text} {_ANSWERS}', flush=True)
 
     def _read_answer(self) -> None:
-        """Read a typed line, and answer the prompt with it; a closed terminal is an error."""
+        """Answer the prompt with a typed line; raise ArmClientError if the terminal was closed."""
         guided = self._client.guided
         if guided is None or self._client.prompt is None:
             return

@@ -34,7 +34,7 @@ _SECOND = 1_000_000_000
 def trajectory_message(
     motion: JointMotion, names: Sequence[str], start_ns: int = 0
 ) -> JointTrajectory:
-    """Sample a joint motion, and return it as a trajectory message with velocity and acceleration.
+    """Sample a joint motion, and return its positions, velocities and accelerations as a message.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ _REACTIONS = 'reactions to contact'
 
 
 class RejectionWatch:
-    """Detect on /diagnostics that a controller rejects an input or ends a motion at a contact.
+    """Detect from /diagnostics whether a controller rejects an input or stops at a contact.
 
     Parameters
     ----------
@@ -92,12 +92,12 @@ class RejectionWatch:
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
 
     def begin(self, timeout: float) -> None:
-        """Wait until the controllers have published diagnostics, and store their present counts.
+        """Wait for the controllers' diagnostics, and store their counts of rejections and contacts.
 
         Parameters
         ----------
         timeout
-            Longest time for a new controller to receive the arm's mode [s]. Before that, the
+            Longest time for a new controller to receive the arm's mode [s]. Without the mode, the
             controller rejects every input.
         """
         if spin_until(self._node, lambda: self._modes, _REPORT):
@@ -105,13 +105,13 @@ class RejectionWatch:
         self._before = dict(self._rejected), dict(self._touched)
 
     def reason(self) -> str:
-        """Return why a controller has rejected an input since `begin`; empty if none has."""
+        """Return why a controller rejected an input after the call of `begin`, '' if none did."""
         before, _ = self._before
         later = self._rejected.items()
         return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
 
     def touch(self) -> str:
-        """Return how a contact has ended a motion since `begin`; empty if none has."""
+        """Return how a contact ended a motion after the call of `begin`, '' if none did."""
         _, before = self._before
         later = self._touched.items()
         return next((how for name, (n, how) in later if n > before.get(name, (0, ''))[0]), '')
@@ -161,7 +161,10 @@ class _MotionRequest:
     def _require_held(self) -> None:
         """Raise ArmClientError if the arm's mode permits no motion."""
         if self._mode not in HELD:
-            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
+            raise ArmClientError(
+                f'the arm cannot move in the arm_mode {self._mode}: run '
+                f'{to_switch_on(self._mode)} first'
+            )
 
     def _wait(self, ended: Callable[[], bool], timeout: float) -> bool:
         """Return whether the motion ended in time, or raise ArmClientError if it was rejected."""
@@ -215,7 +218,7 @@ class SetPointRequest(_MotionRequest):
         ------
         ArmClientError
             If no bridge or controller runs, the posture has the wrong number of joints, or a
-            controller rejects or does not reach it.
+            controller rejects or does not reach the posture.
         """
         names = self._find_arm(timeout, on_wait)
         if len(posture) != len(names):
@@ -252,12 +255,13 @@ class SetPointRequest(_MotionRequest):
         if not in_time:
             far = np.argmax(distance())
             raise ArmClientError(
-                f'{names[far]} is still {distance()[far]:.3f} rad away from its goal after '
-                f'{timeout:g} s, and arm_mode is {self._mode}: check the log of the controller'
+                f'the joint {names[far]} is still {distance()[far]:.3f} rad away from its goal '
+                f'after {timeout:g} s, and arm_mode is {self._mode}: check the log of the '
+                'controller'
             )
 
     def _find_arm(self, timeout: float, on_wait: Callable[[str], None]) -> list[str]:
-        """Return the joint names once a bridge and a controller run."""
+        """Wait until a bridge and a controller run, and return the joint names."""
 
         def is_there() -> bool:
             return self._state is not None and bool(self._mode)
@@ -382,7 +386,7 @@ class ToolRequest(_MotionRequest):
             )
 
     def _find(self, timeout: float, on_wait: Callable[[str], None]) -> None:
-        """Wait until a controller publishes the tool's pose and subscribes to targets."""
+        """Wait until a controller publishes the tool's pose and subscribes to target poses."""
 
         def is_there() -> bool:
             has_pose = self._pose is not None and bool(self._mode)
@@ -441,7 +445,7 @@ class PressRequest(_MotionRequest):
         Raises
         ------
         ArmClientError
-            If `world_control` does not run, rejects the force, or does not reach it.
+            If `world_control` does not run, rejects the force, or does not reach the force.
         """
         self._find(timeout, on_wait)
         message = WrenchStamped()
@@ -467,7 +471,7 @@ class PressRequest(_MotionRequest):
         if not in_time:
             raise ArmClientError(
                 f'the estimated force is {self._force:.1f} N after {timeout:g} s, in the phase '
-                f"'{self._phase}': check the wall; arm press 0 0 0 ends the motion"
+                f"'{self._phase}': check the wall. To end the motion, run 'arm press 0 0 0'"
             )
         return f'the tool presses with {self._force:.1f} N'
 
@@ -481,8 +485,8 @@ class PressRequest(_MotionRequest):
             on_wait(f'world_control in {this_domain()}')
             if not spin_until(self._node, is_there, timeout):
                 raise ArmClientError(
-                    f'no controller accepts a tool force: start a bridge and world_control in '
-                    f'{this_domain()}, with an observer_gain above 0'
+                    'no controller accepts a tool force: start a bridge, and start world_control '
+                    f'with an observer_gain above 0, in {this_domain()}'
                 )
         self._require_held()
 

@@ -1,4 +1,4 @@
-"""Client that reads and sets live parameters of another node."""
+"""Client that reads and sets the parameters of another node while the node runs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ParameterRequest:
     Raises
     ------
     ArmClientError
-        If the node is not found. The methods raise it if the node does not answer.
+        If the node is not found. The methods also raise this error if the node does not answer.
     """
 
     def __init__(self, node: Node, target: str, timeout: float) -> None:
@@ -61,7 +61,7 @@ class ParameterRequest:
             known = self._result(client.list_parameters).result.names
             closest = next(iter(get_close_matches(name, known, n=1)), '')
             hint = f", did you mean '{closest}'?" if closest else ''
-            raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
+            raise ArmClientError(f"the node {target} has no parameter '{name}'{hint}")
         if descriptors[0].read_only:
             raise ArmClientError(
                 f'parameter {name} of {target} is read-only: restart the node with -p '
@@ -70,7 +70,7 @@ class ParameterRequest:
         parameter = Parameter(name, value=_value(descriptors[0], text))
         answer = self._result(lambda: client.set_parameters([parameter])).results[0]
         if not answer.successful:
-            raise ArmClientError(f'{target} rejects the value: {answer.reason}')
+            raise ArmClientError(f'the node {target} rejects the value: {answer.reason}')
         return parameter.value
 
     @contextmanager
@@ -91,7 +91,8 @@ class ParameterRequest:
             left = deadline - time.monotonic()
             if left < 0.0:
                 raise ArmClientError(
-                    f'{self._target} did not respond within {self._timeout:g} s: check that it runs'
+                    f'the node {self._target} did not respond within {self._timeout:g} s: check '
+                    'that the node runs'
                 )
             futures.append(ask())
             spin_until(self._node, lambda: any(f.done() for f in futures), min(ASK_AGAIN, left))
@@ -117,13 +118,14 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
         value = None
     if value is None:
         raise ArmClientError(
-            f'{text!r} is not a valid value: use a form such as 0.5, true or [1.0, 2.0]'
+            f'{text!r} is not a valid value of the parameter: write a value such as 0.5, true or '
+            '[1.0, 2.0]'
         )
     return value
 
 
 def _number(value: Any) -> Any:
-    """Convert an integer, or a text such as 1e-3, to float; return other values unchanged."""
+    """Convert an integer, or a text such as '1e-3', to float; return other values unchanged."""
     if isinstance(value, bool):
         return value
     try:

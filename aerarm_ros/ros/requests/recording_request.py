@@ -1,4 +1,4 @@
-"""Client on the ground for recordings on the drone, through `ground_link`."""
+"""Client on the ground that records on the drone, through the node `ground_link`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _WATCH_EVERY = 2.0  # [s]
 
 
 class RecordingRequest:
-    """Record a bag on the drone, and fetch it through `ground_link`.
+    """Record a bag on the drone, and copy the bag to this host through the node `ground_link`.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ class RecordingRequest:
         node.create_subscription(report.type, report.name, self._on_report, report.qos)
 
     def is_on_ground(self) -> bool:
-        """Return whether this host reaches the bridge through `ground_link`.
+        """Return whether this host is on the ground, and reaches the bridge through `ground_link`.
 
-        The ROS graph contains nodes of this host, but no nodes on the drone.
+        On the ground, the ROS graph contains nodes of this host, but no nodes on the drone.
         """
         node = self._node
 
@@ -93,7 +93,9 @@ class RecordingRequest:
         self._begin()
         with StopSignals(self._stop):
             self._ask_until(RECORD, (RECORDING, ENDED), deadline)
-            self._print(f'the drone records {self._name}: Ctrl-C ends it and fetches the bag')
+            self._print(
+                f'the drone records {self._name}: Ctrl-C ends the recording and fetches the bag'
+            )
             while not self._is_stopped and self._state != ENDED:
                 self._ask(WATCH)
                 spin_until(
@@ -102,17 +104,20 @@ class RecordingRequest:
                 self._expect_no_failure()
             ended = ''
             if self._state == ENDED:
-                ended = f'recording {self._name} ended before Ctrl-C: {self._report.get("text")}'
+                reason = self._report.get('text')
+                ended = f'the recording {self._name} ended before Ctrl-C: {reason}'
                 if not self._report.get('has_bag'):
                     raise ArmClientError(ended)
                 self._print(ended)
             # A second Ctrl-C ends this process; ground_link continues to fetch the bag.
             self.fetch()
         if ended:
-            raise ArmClientError(f'{ended}; {self._folder} contains the recording up to that time')
+            raise ArmClientError(f'{ended}; {self._folder} contains the recording up to its end')
 
     def fetch(self) -> None:
-        """End the recording on the drone, and fetch its bag; lost radio contact only delays it.
+        """End the recording on the drone, and copy its bag to this host.
+
+        A loss of radio contact delays the copy, but does not end it.
 
         Raises
         ------
@@ -131,7 +136,7 @@ class RecordingRequest:
         self._print(f'{self._folder}: {_megabytes(self._report.get("size"))} stored')
 
     def _begin(self) -> None:
-        """Start a request with a new identifier; reports with other identifiers are ignored."""
+        """Select a new request identifier; from now on, ignore reports with other identifiers."""
         self._id, self._report = secrets.token_hex(8), {}
 
     @property
@@ -163,9 +168,9 @@ class RecordingRequest:
 
     def _silence(self) -> str:
         if not self._publisher.get_subscription_count():
-            return 'ground_link no longer runs on this host: start ground_side.launch.py'
+            return 'the node ground_link no longer runs on this host: start ground_side.launch.py'
         silent = float(str(self._report.get('silent', 0.0)))
-        return f'the drone has been silent for {silent:.0f} s' if silent > _SILENT else ''
+        return f'no message from the drone for {silent:.0f} s' if silent > _SILENT else ''
 
     def _progress(self) -> str:
         stored, size = (self._report.get(key) for key in ('stored', 'size'))

@@ -335,7 +335,7 @@ def record(
 
     def tell(text: str) -> None:
         told.append(text)
-        if 'Ctrl-C ends it' in text:
+        if 'Ctrl-C ends the recording' in text:
             threads.append(when(lambda: True, lambda: (time.sleep(0.3), then(made))[0]))
 
     made = request(client, folder, tell=tell)

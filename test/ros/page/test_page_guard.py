@@ -54,7 +54,7 @@ def test_a_name_that_is_not_this_computer_is_refused(host: str | None) -> None:
 )
 @pytest.mark.parametrize('ws', [False, True])
 def test_another_site_is_refused(origin: str, ws: bool) -> None:
-    assert 'another site' in refusal(PageGuard('127.0.0.1'), '127.0.0.1:8080', origin, ws=ws)
+    assert 'other web site' in refusal(PageGuard('127.0.0.1'), '127.0.0.1:8080', origin, ws=ws)
 
 
 def test_a_websocket_needs_an_origin() -> None:

@@ -19,7 +19,7 @@ def test_a_posture_is_reached_at_no_more_than_the_speed_that_is_set(ros_node: No
     motion = PageMotion(ros_node, config, 'base_link')
     start, goal = np.array([0.0, 1.5, 0.0, 0.0]), [0.4, 0.2, -0.3, 0.0]
     sent, text = motion.go(start, goal, 0.5)
-    assert (sent, 'start computed_torque' in text) == (False, True)
+    assert (sent, 'start the controller computed_torque' in text) == (False, True)
     heard: list[Any] = []
     topic = topics.JOINT_TRAJECTORY
     ros_node.create_subscription(topic.type, topic.name, heard.append, topic.qos)

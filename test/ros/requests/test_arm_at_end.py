@@ -11,6 +11,8 @@ from aerarm_ros.ros.bridge.bridge_services import CycleRequests, NotActiveError
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.requests.arm_client import HOLD, ArmAtEnd
 
+NOT_HELD = 'the bridge does not hold the arm at the end of this node'
+
 
 def not_active() -> str:
     """Return what a bridge answers while no cycle is running."""
@@ -22,9 +24,9 @@ def not_active() -> str:
 @pytest.mark.parametrize(
     ('held', 'text', 'logged'),
     [
-        (True, 'the arm is held', [('info', 'at the end bridge: the arm is held')]),
+        (True, 'the arm is held', [('info', 'at the end of this node: bridge: the arm is held')]),
         (False, f'hold: {not_active()}', []),
-        (False, 'a fault', [('warning', 'the arm is not held at the end: bridge: a fault')]),
+        (False, 'a fault', [('warning', f'{NOT_HELD}: bridge: a fault')]),
     ],
 )
 def test_only_a_running_bridge_that_does_not_hold_causes_a_warning(

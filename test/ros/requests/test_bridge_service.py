@@ -11,7 +11,9 @@ def test_without_a_bridge_the_error_names_the_searched_services(ros_node: Node) 
     hold = BridgeService(ros_node, 'hold', ['first', 'second'], 0.1)
     held, text = hold.call()
     assert not held
-    assert text.startswith('no service first/hold or second/hold: check that the bridge runs')
+    assert text.startswith(
+        'no bridge offers the service first/hold or second/hold: check that the bridge runs'
+    )
 
 
 def test_requests_other_than_stops_go_to_one_bridge_only(ros_node: Node) -> None:
@@ -22,7 +24,7 @@ def test_requests_other_than_stops_go_to_one_bridge_only(ros_node: Node) -> None
         bridges.add('second', ['hold'])
         assert hold._clients['second'].wait_for_service(LIMIT)
         done, text = hold.call()
-    assert (done, 'found first and second' in text) == (False, True)
+    assert (done, 'found the bridges first and second' in text) == (False, True)
     assert bridges.asked == ['first']
 
 

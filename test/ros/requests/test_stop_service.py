@@ -12,6 +12,8 @@ from aerarm_ros.hardware.bridge_modes import ACTIONS
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.requests.bridge_service import BridgeFinder, StopRequest, StopService
 
+NO_RESPONSE = 'the bridge did not respond within 1 s: check arm_mode'
+
 
 def test_a_bridge_that_is_discovered_meanwhile_is_stopped_too(ros_node: Node) -> None:
     stop, bridges = StopService(ros_node, 'e_stop', ['first', 'second'], LIMIT), AnsweringBridges()
@@ -29,7 +31,9 @@ def test_a_bridge_that_is_discovered_meanwhile_is_stopped_too(ros_node: Node) ->
 def test_a_missing_bridge_is_reported(ros_node: Node) -> None:
     stopped, text = StopService(ros_node, 'e_stop', ['first'], 0.1).call()
     assert not stopped
-    assert text.startswith('no bridge offers e_stop: check that one runs in this ROS domain')
+    assert text.startswith(
+        'no bridge offers the service e_stop: check that a bridge runs in this ROS domain'
+    )
 
 
 def test_a_stop_is_for_the_own_namespace(ros_node: Node) -> None:
@@ -65,7 +69,7 @@ def test_a_bridge_that_never_answers_delays_no_other(ros_node: Node) -> None:
         poll_until(lambda: request.poll() or request.answers)
         assert request.answers == {'/sound': (True, 'done')}
         poll_until(soon.poll)
-        assert soon.answers['/silent'] == (False, 'no response within 1 s: check arm_mode')
+        assert soon.answers['/silent'] == (False, NO_RESPONSE)
         may_end.set()
         # It was asked again, as its answer might have been lost.
         poll_until(lambda: silent.asked.count('silent') > 2)
