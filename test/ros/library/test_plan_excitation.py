@@ -47,7 +47,7 @@ def test_the_plan_is_saved_and_displayed(plan: PlannedExcitation, tmp_path: Path
         ({'harmonics': 500}, 'the highest harmonic'),
         ({'bias': [0.0]}, 'bias has 1 values'),
         ({'lock': 'joint1'}, 'lock = joint1 needs the path of a URDF'),
-        ({'acceleration_limit': 5.0}, 'acceleration_limit needs an arm without a file of motors'),
+        ({'acceleration_limit': 5.0}, 'acceleration_limit is only for an arm without a file of'),
     ],
 )
 def test_impossible_arguments_raise_errors(given: dict, message: str) -> None:
