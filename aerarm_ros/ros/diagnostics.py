@@ -17,7 +17,7 @@ TOOL_FORCE_PHASE, TOOL_FORCE = 'tool force', 'tool force [N]'
 
 
 def rejection(reason: str) -> str:
-    """Return the text about a rejected input, which ends in log and diagnostics."""
+    """Return the text about a rejected input, for log and diagnostics."""
     return reason if ' rejected' in reason else f'rejected: {reason}'
 
 

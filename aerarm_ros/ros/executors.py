@@ -32,7 +32,7 @@ from rclpy.waitable import NumberOfEntities, Waitable
 
 
 class WaitedEntity:
-    """Adapter for a timer, subscription, guard condition, client or service in a wait set.
+    """Adapter that adds a timer, subscription, guard condition, client or service to a wait set.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ _CALLS = {
 
 
 class LeanExecutor:
-    """Executor for one node that takes less processor time than those of rclpy.
+    """Executor for one node that takes less processor time than rclpy's executors.
 
     rclpy's executors build several wait sets for each callback. This executor builds a new wait set
     only after changes. A parameter request takes 0.5 to 1 ms of the interpreter's time in rclpy's
@@ -383,7 +383,7 @@ _SPIN = 0.05  # [s]
 
 
 def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> bool:
-    """Spin a node until a condition is true; return False after a time-out [s].
+    """Spin a node until a condition is true; return False after `timeout` [s].
 
     No executor may contain the node.
     """

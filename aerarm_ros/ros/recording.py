@@ -58,7 +58,7 @@ _ADVICE = {
 
 @dataclass
 class Gap:
-    """Consecutive lost messages, or several such gaps with the same cause within one second.
+    """Gap in the received messages, or several gaps with the same cause within one second.
 
     Attributes
     ----------

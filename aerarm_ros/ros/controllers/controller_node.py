@@ -33,13 +33,13 @@ def controller_parameters(*parameters: Parameter) -> ParameterTable:
 
 
 class Attendant(Protocol):
-    """Object that a controller calls after each command, and while it sends no commands."""
+    """Object that a controller calls after each command, or instead of a command."""
 
     def update(self) -> None:
         """Do work after the controller has sent a command; called in the loop's thread."""
 
     def give_up(self, reason: str) -> None:
-        """React to a joint state without a command; called in the loop's thread."""
+        """React to a joint state that gets no command; called in the loop's thread."""
 
     def destroy(self) -> None:
         """Destroy the ROS entities of this object; called once, when the node ends."""
@@ -68,14 +68,14 @@ class ControllerNode(StateNode):
     # Methods for derived controllers to override.
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Create the control loop; raises ValueError."""
+        """Create and return the control loop; raises ValueError for invalid parameters."""
         raise NotImplementedError
 
     def subscribe(self) -> None:
         """Subscribe to the topics of the references that the arm follows."""
 
     def before_update(self, state: ArmState, now: float) -> None:
-        """Prepare the next command of the control law; called in the loop's thread."""
+        """Prepare the computation of the next command; called in the loop's thread."""
 
     # For derived controllers.
 
@@ -124,7 +124,7 @@ class ControllerNode(StateNode):
         return reaction
 
     def require_commandable(self, what: str) -> None:
-        """Raise RejectedInputError for topic or action `what` if the arm is not controllable."""
+        """Raise RejectedInputError, about topic or action `what`, if the arm must not move."""
         if self._mode not in COMMANDABLE:
             mode = self._mode or 'unknown'
             raise RejectedInputError(

@@ -182,7 +182,7 @@ ENERGY_PARAMETERS = tuple(
 
 
 def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
-    """Return the parameters of the disturbance observer; the argument is a default value."""
+    """Return the parameters of the disturbance observer, with the default of `compensation`."""
     return grouped(
         'Disturbances',
         Parameter('observer_gain', 30.0,
@@ -290,7 +290,7 @@ class ControlledArm:
         return model
 
     def load(self, model: CarryingModel, values: SimpleNamespace) -> None:
-        """Set the payload of a model, now and after changes of the parameter; raises ValueError."""
+        """Set the payload of a model, and store the model for `carry`; raises ValueError."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)
 

@@ -1,4 +1,4 @@
-"""Topics that `base_reaction` publishes: load of the arm on the drone, contact, and energy."""
+"""Topics of the node `base_reaction`: the arm's load on the drone, contact, and energy."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ _PERIOD_NS = 2_000_000  # [ns] between two checks for odometry and rotor command
 
 
 class ContactTopic:
-    """Subscribe to odometry and rotor commands, and publish the contact wrench.
+    """Subscribe to the drone's odometry and rotor commands, and publish the contact wrench.
 
     Without a drone file this object does not subscribe and does not publish.
 
@@ -297,7 +297,7 @@ class ContactTopic:
         return FADE_STEP
 
     def set_bandwidth(self, bandwidth: float) -> None:
-        """Change the cutoff frequency of the low-pass for the contact wrench [Hz]."""
+        """Set the cutoff frequency [Hz] of the low-pass for the contact wrench."""
         if self._estimator is not None:
             self._estimator.observer.bandwidth = bandwidth
 

@@ -219,7 +219,7 @@ class StateNode:
         return float(self.values.state_timeout)
 
     def leave(self) -> None:
-        """Publish or request what is necessary before the node ends; the executor still spins."""
+        """Do the last work before the node ends; the executor still spins."""
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Apply a live parameter's new value; called in the loop's thread, may raise ValueError."""

@@ -204,7 +204,7 @@ class WorldTopics:
             log.info(f'tool force: {pusher.phase.value}')
 
     def _publish_contact(self, stamp_ns: int) -> None:
-        """Publish the wrench of the planned contact, and zero for 0.1 s after its end."""
+        """Publish the wrench of the planned contact until 0.1 s after the end of the contact."""
         pusher, now, state = self._reference.force, 1e-9 * stamp_ns, self._controller.state
         if pusher is None or state is None:
             return

@@ -1,4 +1,4 @@
-"""Base class of nodes that add the arm's acceleration to an autopilot's set points."""
+"""Base class of nodes that add accelerations for the arm's motion to an autopilot's set points."""
 
 from __future__ import annotations
 

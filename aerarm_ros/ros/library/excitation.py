@@ -193,8 +193,8 @@ def plan_excitation(
     arm = load_arm_config(None if config is None else Path(config)) if known else None
     if lock and (arm is not None or isinstance(urdf, Robot)):
         raise ExcitationError(
-            f'lock = {", ".join(lock)} needs the path of a URDF as urdf, and no config: otherwise '
-            'pass load_robot(urdf, locked=...) as urdf'
+            f'lock = {", ".join(lock)} is possible only if urdf is a path and config is not given: '
+            'pass load_robot(urdf, locked=...) as urdf instead'
         )
     if arm is not None and np.isfinite(acceleration_limit).any():
         raise ExcitationError(

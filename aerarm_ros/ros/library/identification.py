@@ -448,8 +448,8 @@ def _robot(
     if isinstance(urdf, Robot):
         if lock:
             raise IdentificationError(
-                f'lock = {", ".join(lock)} needs the path of a URDF as urdf: otherwise pass '
-                'load_robot(urdf, locked=...) as urdf'
+                f'lock = {", ".join(lock)} is possible only if urdf is a path: pass '
+                'load_robot(urdf, locked=...) as urdf instead'
             )
         return urdf if gravity is None else urdf.with_gravity(gravity)
     path = None if urdf is None else Path(urdf)

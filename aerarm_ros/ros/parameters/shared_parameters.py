@@ -1,4 +1,4 @@
-"""Parameters of several nodes: files of arm and drone, surroundings, and real-time settings."""
+"""Parameters that several nodes share: files, surroundings, and real-time settings."""
 
 from __future__ import annotations
 

@@ -208,7 +208,7 @@ class StartConditions:
             self._recorded = set(status['matched']) if recording else set()
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             self._node.get_logger().warning(
-                f'recorder_status ignored, because it is invalid ({error}): check its publisher'
+                f'ignored an invalid message on recorder_status ({error}): check its publisher'
             )
 
 

@@ -183,8 +183,8 @@ class StopSignals:
     stays_awake
         True for a process that Ctrl-Z must not stop, because its boards would let the arm fall.
     is_last
-        True if no work follows the context. After the context, the process then ignores all signals
-        that would end it, as by `ignore`.
+        True if no work follows the context. After the context, the process ignores all signals that
+        would end it, as after a call of `ignore`.
     """
 
     _innermost: ClassVar[StopSignals | None] = None

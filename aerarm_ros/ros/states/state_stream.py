@@ -327,7 +327,7 @@ class StateStream:
         return time.time_ns() - self._published_ns
 
     def imu_samples(self) -> list[tuple[ImuSample, int]]:
-        """Return each unread IMU sample, with the time from its arrival to the joint state's [ns].
+        """Return unread IMU samples, each with its arrival time before the newest joint state [ns].
 
         The time is negative if the sample arrived after the newest joint state. The method reports
         and skips invalid samples.
