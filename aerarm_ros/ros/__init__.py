@@ -1,4 +1,4 @@
-"""Parts of the nodes that need ROS; equations are in the other packages.
+"""Parts of the nodes that need ROS; the equations are in packages without ROS.
 
 These modules connect topics, services, parameters and signals with the packages that do not import
 ROS. The packages, in the order of their imports:

@@ -13,16 +13,16 @@ from aerarm_msgs_py import topics
 PERIOD = 1.0
 """Period of the diagnostics of a node [s]."""
 TOOL_FORCE_PHASE, TOOL_FORCE = 'tool force', 'tool force [N]'
-"""Keys of phase and estimated force in the status of `world_control`."""
+"""Diagnostics keys of `world_control` for the phase and the estimated force of a contact."""
 
 
 def rejection(reason: str) -> str:
-    """Return the text of a rejected input, for log and diagnostics."""
+    """Return the text about a rejected input, for log and diagnostics."""
     return reason if ' rejected' in reason else f'rejected: {reason}'
 
 
 class DiagnosticsPublisher:
-    """Create and publish the diagnostic statuses of a node.
+    """Create and publish the diagnostic statuses of a node on `/diagnostics`.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class DiagnosticsPublisher:
     def status(
         self, part: str, level: bytes, text: str, values: Mapping[str, object]
     ) -> DiagnosticStatus:
-        """Return a status of one part of the node, with NAMESPACE/ARM as the hardware id."""
+        """Return the status of one part of the node; its hardware id is NAMESPACE/ARM."""
         namespace = self._node.get_namespace().strip('/')
         return DiagnosticStatus(
             level=level,
@@ -77,7 +77,7 @@ class DiagnosticsPublisher:
         return Time(sec=seconds, nanosec=nanoseconds)
 
     def report(self, problem: str, values: Mapping[str, object], part: str = '') -> None:
-        """Publish one status: a warning with the text `problem`, or OK if the text is empty."""
+        """Publish one status: a warning with the text `problem`, or OK if `problem` is empty."""
         level = DiagnosticStatus.WARN if problem else DiagnosticStatus.OK
         part = part or self._node.get_name()
         self.publish([self.status(part, level, problem or 'in order', values)])

@@ -32,7 +32,7 @@ from rclpy.waitable import NumberOfEntities, Waitable
 
 
 class WaitedEntity:
-    """Adapter for a timer, subscription, guard condition, client or service in a wait set.
+    """Adapter that adds a timer, subscription, guard condition, client or service to a wait set.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class WaitedEntity:
 
 
 class WaitedWaitable:
-    """Adapter for a waitable of rclpy, such as the events of a publisher, in a wait set."""
+    """Adapter that adds a waitable of rclpy, such as a publisher's events, to a wait set."""
 
     def __init__(self, waitable: Waitable) -> None:
         self.handle = waitable
@@ -85,13 +85,13 @@ class WaitedWaitable:
             return
         coroutine.close()
         raise RuntimeError(
-            f'a callback of {self.handle} awaits, but this executor supports no coroutines: use a '
-            'plain function'
+            f'a callback of {self.handle} waits as a coroutine, which this executor does not '
+            'support: use a plain function'
         )
 
 
 def waited_entities(node: Node) -> Iterator[WaitedEntity | WaitedWaitable]:
-    """Yield adapters for those entities of a node whose callback group permits a callback now."""
+    """Yield an adapter for each entity of a node whose callback group permits a callback now."""
     for kind, entities, run in (
         ('timer', node.timers, _run_timer),
         ('subscription', node.subscriptions, _run_subscription),
@@ -152,12 +152,12 @@ _CALLS = {
 
 
 class LeanExecutor:
-    """Executor for one node that takes less processor time than those of rclpy.
+    """Executor for one node that takes less processor time than rclpy's executors.
 
     rclpy's executors build several wait sets for each callback. This executor builds a new wait set
     only after changes. A parameter request takes 0.5 to 1 ms of the interpreter's time in rclpy's
-    executor, and a third of that in this executor. Callbacks run one after the other, in any group.
-    Entities in a group that permits no callback, such as those of a RawReader, are ignored.
+    executor, and a third of this time in LeanExecutor. Callbacks run one after the other, in any
+    group. Entities in a group that permits no callback, such as those of a RawReader, are ignored.
     Callbacks must not be coroutines, but the function of an action server may be one.
 
     Parameters
@@ -196,16 +196,16 @@ class LeanExecutor:
     # Methods that a node calls on its executor.
 
     def add_node(self, node: Node) -> None:
-        """Do nothing, because the constructor has set the only node."""
+        """Do nothing, because this executor spins only the node of its constructor."""
 
     def remove_node(self, node: Node) -> None:
-        """Do nothing, because `shutdown` removes the only node."""
+        """Do nothing, because `shutdown` removes the node."""
 
     def create_task(self, callback: Callable[..., Any], *args: Any) -> Task:
         """Start a function or coroutine after the present callback.
 
-        Only a callback may call this method. A coroutine continues after each wait, so a callback
-        should provide its result.
+        Only a callback may call this method. A coroutine continues only after callbacks, so a
+        callback should provide the result for which the coroutine waits.
         """
         task = Task(callback, args, executor=None)
         self._tasks.append(task)
@@ -238,21 +238,21 @@ class LeanExecutor:
             self._continue_tasks()
 
     def _continue_tasks(self) -> None:
-        """Continue all tasks of `create_task`, in the order of their start."""
+        """Continue all unfinished tasks from `create_task`, in the order of their start."""
         for task in self._tasks:
             task()
         if self._tasks:
             self._tasks = [task for task in self._tasks if not task.done()]
 
     def shutdown(self) -> None:
-        """Remove the node; to be called once, outside callbacks."""
+        """Remove the node from this executor; to be called once, outside callbacks."""
         self._node.executor = None
         self._held.close()
         for guard in self._guards:
             guard.destroy()
 
     def _wait(self, timeout_sec: float) -> None:
-        """Wait up to `timeout_sec` [s] and store the ready entities."""
+        """Wait up to `timeout_sec` [s] for ready entities, and store them."""
         if self._changed:
             self._changed = False
             self._gather()
@@ -290,7 +290,7 @@ class LeanExecutor:
             )
 
     def _hold(self, entity: WaitedEntity | WaitedWaitable) -> bool:
-        """Prevent destruction of an entity during a wait; return False if it was destroyed."""
+        """Prevent an entity's destruction during a wait; return False if it no longer exists."""
         try:
             self._held.enter_context(entity.handle)
         except InvalidHandle:
@@ -318,7 +318,8 @@ WAIT = 5.0  # [s]; each wake-up costs the main loop half a millisecond
 class BackgroundExecutor:
     """Context in which a second thread spins a node.
 
-    Enter it before `set_fifo`, which then sets this thread's priority one below that of the loop.
+    Enter the context before the call of `set_fifo`. That function sets the second thread's priority
+    one below the priority of the loop.
 
     Parameters
     ----------
@@ -382,7 +383,7 @@ _SPIN = 0.05  # [s]
 
 
 def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> bool:
-    """Spin a node until a condition is true; return False if that takes longer than `timeout` [s].
+    """Spin a node until a condition is true; return False after `timeout` [s].
 
     No executor may contain the node.
     """
@@ -395,21 +396,21 @@ def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> b
 
 
 def this_domain() -> str:
-    """Return a text with ROS domain and discovery range, for messages about missing nodes."""
+    """Return ROS domain and discovery range as text, for messages about missing nodes."""
     domain = os.environ.get('ROS_DOMAIN_ID', '0')
-    where = 'this host only; ground_link connects hosts'
+    where = 'on this host only; ground_link connects hosts'
     if os.environ.get('AERARM_NETWORK') == 'open':
-        where = 'other hosts only if AERARM_NETWORK=open is set there too'
+        where = 'with all hosts on which AERARM_NETWORK=open is set'
     return f'this ROS domain (ROS_DOMAIN_ID={domain}, {where})'
 
 
 def create_steady_timer(
     node: Node, period: float, act: Callable[[], None], autostart: bool = True
 ) -> Timer:
-    """Create a timer for a node that uses the monotonic clock.
+    """Create a timer of a node; the timer uses the monotonic clock.
 
-    rclpy's default is the system clock. If that is set back by 2 s, a timer of 20 ms pauses for 2
-    s.
+    rclpy's timers use the system clock by default. If the system clock is set back by 2 s, such a
+    timer pauses for 2 s.
 
     Parameters
     ----------

@@ -25,8 +25,8 @@ def endpoint_name(endpoint: TopicEndpointInfo) -> str:
 def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
     """Return why messages of a publisher do not reach a subscription, or an empty string.
 
-    The middleware does not report different message types. It reports different qualities of
-    service only to executors that run the subscription.
+    The middleware does not report a wrong message type. It reports an incompatible quality of
+    service only to an executor that runs the subscription.
     """
     if publisher.topic_type != topic.type_name:
         return f'its type is {publisher.topic_type} instead of {topic.type_name}'
@@ -45,7 +45,7 @@ _CLOCK = 'rosgraph_msgs/msg/Clock'
 def is_emulated(node: Node, topic: str) -> bool:
     """Return whether all publishers of a topic are emulated arms.
 
-    A node that also publishes a clock is an emulated arm, whose simulation time pauses when its
+    A publisher that also publishes a clock is an emulated arm. Its simulation time pauses while its
     host is busy. The result is False if the topic has no publisher. The call takes a few
     milliseconds at most.
 
@@ -72,9 +72,9 @@ def _is_of_one_node(one: TopicEndpointInfo, other: TopicEndpointInfo) -> bool:
 
 
 class SilencePatience:
-    """Determine for how long an arm may publish no joint states before it counts as ended.
+    """Determine the time without joint states after which a bridge counts as ended.
 
-    That time is longer for an emulated arm, which may pause.
+    This time is longer for an emulated arm, because its simulation may pause.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class SilencePatience:
         """Return the longest accepted time without joint states [s], `timeout` for a real arm.
 
         To be called while no joint states arrive. The method reads the graph at most ten times per
-        second. An ended bridge has no publisher any more, so its limit is `timeout`.
+        second. After the end of a bridge the topic has no publisher, so the limit is `timeout`.
         """
         now = time.monotonic()
         if now - self._looked > _LOOKS:
@@ -109,7 +109,7 @@ class PublisherCheck:
         self._reported: set[str] = set()
 
     def news(self, matched: Sequence[int]) -> list[str]:
-        """Return messages about unrecordable publishers that no earlier call has reported.
+        """Return one message for each unrecordable publisher that no earlier call has reported.
 
         Parameters
         ----------
@@ -134,8 +134,8 @@ def _problems(name: str, topic: Topic, publisher: TopicEndpointInfo) -> Iterator
     qos, wanted = publisher.qos_profile, topic.qos
     if publisher.topic_type != topic.type_name:
         yield (
-            f'{name} of {node} is not recorded: its type is {publisher.topic_type} instead of '
-            f'{topic.type_name}: rename that topic'
+            f'{name} of {node} is not recorded, because its type is {publisher.topic_type} instead '
+            f'of {topic.type_name}: rename the topic of {node}'
         )
     elif (
         wanted.reliability == ReliabilityPolicy.RELIABLE
@@ -157,16 +157,16 @@ def _problems(name: str, topic: Topic, publisher: TopicEndpointInfo) -> Iterator
 
 _CYCLES = 100  # between two checks
 UNNAMED = 'a new node'
-"""Text for a publisher whose node is not discovered yet."""
+"""Name in messages for a publisher whose node is not discovered yet."""
 
 
 class PublisherWatch:
     """Report the names of all nodes that publish a topic, after each change.
 
     Reading the graph takes up to 1 ms of the interpreter's time, which is a whole cycle of a loop.
-    PublisherWatch therefore reads the graph only if the number of publishers has changed or a name
-    is unknown, and after `look_soon`. The middleware's event for a new publisher is not suitable,
-    because every message of the topic would wake the waiting thread.
+    PublisherWatch therefore reads the graph only after `look_soon`, after the number of publishers
+    has changed, or while a name is unknown. The middleware's event for a new publisher is not
+    suitable, because every message of the topic would wake the waiting thread.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ class PublisherWatch:
         self._reason = node.create_guard_condition(self._look)
 
     def poll(self) -> None:
-        """Check for a change of the publishers; to be called in every cycle, takes 1 us."""
+        """Check for changed publishers in every `cycles`-th call; takes 1 us."""
         self._cycle += 1
         if self._cycle % self._cycles:
             return
@@ -215,11 +215,11 @@ class PublisherWatch:
             self._reason.trigger()
 
     def look_soon(self) -> None:
-        """Read the graph at the next check, even if the number of publishers has not changed."""
+        """Read the graph at the next check, even if the number of publishers is unchanged."""
         self._wanted = True
 
     def destroy(self) -> None:
-        """Destroy the guard condition that starts a check."""
+        """Destroy the guard condition that lets the executor read the graph."""
         self._node.destroy_guard_condition(self._reason)
 
     def _look(self) -> None:
@@ -243,7 +243,7 @@ OF_AN_ARM = ': stop all but one, or start each arm with a different namespace or
 
 
 def several_publishers(topic: str, names: Sequence[str], advice: str = OF_AN_ARM) -> str:
-    """Return a warning that names the publishers of a topic if there are several, else ''."""
+    """Return a warning if a topic has several publishers, otherwise an empty string."""
     if len(names) < 2:
         return ''
     return f'{topic} has {len(names)} publishers, {" and ".join(sorted(names))}{advice}'
@@ -268,7 +268,7 @@ class DuplicatePublisherCheck:
     def problem(self) -> str:
         """Return a warning that names the duplicate publishers, or an empty string.
 
-        The call is fast with one publisher; reading the names of several takes up to 1 ms.
+        The call is fast with one publisher. With several publishers it takes up to 1 ms.
         """
         if self._node.count_publishers(self._topic) < 2:
             return ''
@@ -277,7 +277,7 @@ class DuplicatePublisherCheck:
         return several_publishers(self._topic, names)
 
     def news(self) -> str:
-        """Return `problem` if it has changed since the last call, else an empty string."""
+        """Return the warning of `problem` if it is new since the last call, or an empty string."""
         problem = self.problem()
         is_new, self._reported = problem != self._reported, problem
         return problem if is_new else ''
@@ -312,11 +312,11 @@ class DuplicatePublisherWatch:
         self._watch = PublisherWatch(node, topic, self._judge, _DUPLICATE_CYCLES, known=1)
 
     def poll(self) -> None:
-        """Check for a change of the publishers; to be called in every cycle, takes 1 us."""
+        """Check for new publishers as `PublisherWatch.poll` does, in every cycle."""
         self._watch.poll()
 
     def destroy(self) -> None:
-        """Destroy the guard condition that starts a check."""
+        """Destroy the guard condition that lets the executor read the graph."""
         self._watch.destroy()
 
     def _judge(self, publishers: Mapping[bytes, str]) -> None:

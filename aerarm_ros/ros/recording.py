@@ -1,4 +1,4 @@
-"""Recorder of topics in a bag, with counts and causes of lost messages."""
+"""Recording of topics in a bag, with the counts and causes of lost messages."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _ADVICE = {
 
 @dataclass
 class Gap:
-    """Consecutive lost messages, or several such gaps with the same cause within one second.
+    """Gap in the received messages, or several gaps with the same cause within one second.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Gap:
     is_overflow: bool = False
 
     def text(self, depth: int) -> str:
-        """Return a log line with lost messages, times, cause and advice."""
+        """Return a log line about the gap: lost messages, times, cause and advice."""
         counts = ', '.join(f'{count} of {name}' for name, count in self.counts.items())
         times = [_time_of_day(time_ns) for time_ns in (self.begin_ns, self.end_ns)]
         advice = receive_buffer_advice() if self.is_overflow else _ADVICE[self.cause]
@@ -93,9 +93,9 @@ class Gap:
 class LossWatch:
     """Determine the causes of gaps in the received messages, and report each gap once.
 
-    A long pass of the recorder's loop causes a gap: either the disk took most of its time, or
-    other programs used the processor. Without a long pass, the network lost messages of another
-    host.
+    A long pass of the recorder's loop causes a gap. In such a pass, either the disk took most of
+    the time, or other programs used the processor. Without a long pass, the network lost messages
+    of another host.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class LossWatch:
         self.last: Gap | None = None
 
     def note_pass(self, begin_ns: int, end_ns: int, disk_ns: int) -> None:
-        """Store begin and end of a pass of the recorder's loop, and the disk's part of it [ns]."""
+        """Store begin and end of a pass of the recorder's loop, and its time for the disk [ns]."""
         self._passes.append((begin_ns, end_ns, disk_ns))
         if abs(end_ns - self._drops[-1][0]) >= _SAMPLE_NS:
             self._drops.append((end_ns, self._dropped()))
@@ -150,7 +150,7 @@ class LossWatch:
         self._gaps.append(Gap(cause, begin_ns, end_ns, {topic: count}, is_overflow))
 
     def news(self) -> list[str]:
-        """Return one log line for each gap that was not reported yet."""
+        """Return one log line for each gap that no earlier call has reported."""
         gaps, self._gaps = self._gaps, []
         if gaps:
             self.last = gaps[-1]
@@ -171,7 +171,7 @@ class LossWatch:
         return (DISK if longest > _STALL_NS and 2 * disk > longest else PROCESSOR), False
 
     def _dropped_until(self, time_ns: int) -> int:
-        """Return the number of dropped datagrams at `time_ns` [ns since the epoch] or the start."""
+        """Return how many datagrams were dropped until `time_ns` [ns since the epoch]."""
         samples = (count for sampled_ns, count in reversed(self._drops) if sampled_ns <= time_ns)
         return next(samples, self._drops[0][1])
 
@@ -181,7 +181,7 @@ def _time_of_day(time_ns: int) -> str:
 
 
 def dropped_datagrams() -> int:
-    """Return how many UDP datagrams the kernel has dropped because a receive buffer was full."""
+    """Return how many UDP datagrams the kernel has dropped because of full receive buffers."""
     try:
         lines = Path('/proc/net/snmp').read_text().splitlines()
     except OSError:
@@ -196,7 +196,7 @@ _BUFFERS = ('rmem_default', 'rmem_max')
 
 
 def receive_buffer_need(streams: int) -> int:
-    """Return the necessary size of the kernel's receive buffer for topics at 1 kHz [bytes]."""
+    """Return the receive buffer of the kernel that `streams` topics at 1 kHz need [bytes]."""
     return math.ceil(streams * 1000 * _DELAY * _DATAGRAM)
 
 
@@ -211,10 +211,10 @@ def receive_buffer_advice(need: int = 0) -> str:
 
 
 def receive_buffer_problem(streams: int) -> str:
-    """Return a warning if the kernel's receive buffers are too small for `streams` topics at 1 kHz.
+    """Return a warning if the kernel's receive buffers are too small, or an empty string.
 
-    The text is empty if they suffice. Only messages of other hosts need the buffers, because
-    messages of this host use shared memory.
+    `streams` is the number of topics at 1 kHz. Only messages of other hosts need the buffers,
+    because messages of this host use shared memory.
     """
     need, have = receive_buffer_need(streams), _receive_buffer()
     if have >= need:
@@ -238,7 +238,7 @@ SUITE_TOPICS = tuple(name for name in TOPICS if name not in _UNRECORDED)
 
 
 def find_topics(entries: Sequence[str]) -> list[Topic]:
-    """Return the topics that the entries of the recorder's parameter `topics` describe.
+    """Return the topics to record, from the entries of the recorder's parameter `topics`.
 
     Parameters
     ----------
@@ -253,14 +253,14 @@ def find_topics(entries: Sequence[str]) -> list[Topic]:
     topics = [_find_topic(entry.strip()) for entry in entries]
     if not topics or len({topic.name for topic in topics}) != len(topics):
         raise ParameterError(
-            f'the parameter topics = {list(entries)} is empty or repeats a topic: name each topic '
-            'once'
+            f'parameter topics = {list(entries)} is empty or repeats a topic: name at least one '
+            'topic, and each topic once'
         )
     return topics
 
 
 def as_recorded(topic: Topic, full_name: str) -> RecordedTopic:
-    """Return the description of a topic for the bag, with its offered quality of service."""
+    """Return a topic's description in the bag, with the quality of service of its publisher."""
     return RecordedTopic(
         full_name,
         topic.type_name,
@@ -291,8 +291,8 @@ def _message_class(kind: str) -> Any:
         return getattr(import_module(f'{package}.msg'), name)
     except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise ParameterError(
-            f'message type {kind!r} in parameter topics is not installed: check its spelling, '
-            'for example sensor_msgs/msg/Imu, and its package'
+            f'message type {kind!r} in parameter topics is not installed: install its package, or '
+            'correct the spelling, for example to sensor_msgs/msg/Imu'
         ) from error
 
 
@@ -360,9 +360,9 @@ class BagFeed:
         return self._reader.wait(timeout)
 
     def take(self, limit: int) -> None:
-        """Write received messages to the bag, at most `limit` per topic, or raise BagError.
+        """Write received messages to the bag, at most `limit` per topic; raises BagError.
 
-        Without a limit, a slow recorder would never return from this call.
+        The limit ensures that the call ends, even if messages arrive faster than it writes them.
         """
         take, write, lost = self._reader.take, self._writer.write, self._reader.lost
         self._note_pass()
@@ -394,13 +394,13 @@ class BagFeed:
                 )
 
     def _note_pass(self) -> None:
-        """Report the duration of the pass of the loop that has just ended."""
+        """Report begin, end and disk time of the last pass of the recorder's loop."""
         now_ns, disk = time.time_ns(), self._writer.disk_time
         self._losses.note_pass(self._passed_ns, now_ns, int(1e9 * (disk - self._disk)))
         self._passed_ns, self._disk = now_ns, disk
 
     def _note_gap(self, index: int, missing: int, info: dict[str, Any]) -> None:
-        """Report that messages before the present one were lost."""
+        """Report a gap if messages of the topic were lost before the present message."""
         news, self._lost[index] = missing - self._lost[index], missing
         if news <= 0:
             return  # messages that seemed lost have arrived late
@@ -423,11 +423,11 @@ class BagFeed:
         return publisher[:_HOST] != self._host
 
     def _in_order(self, index: int, received: int) -> int:
-        """Return the reception time of a message [ns], at least that of the topic's last message.
+        """Return a message's reception time [ns], not before that of the topic's last message.
 
-        Readers of bags sort messages by this time. With several publishers, messages may be read in
-        another order than they arrived. If the time decreases by more than 1 s, the clock was set
-        back, so the time is not changed.
+        Readers of bags sort messages by reception time. With several publishers, the recorder may
+        read messages in another order than they arrived. If the time decreases by more than 1 s,
+        the clock was set back, so the time is not changed.
         """
         if self._received[index] - received < _DISORDER:
             received = max(received, self._received[index])
@@ -437,7 +437,7 @@ class BagFeed:
     def _number(self, index: int, info: dict[str, Any]) -> int:
         """Return the sequence number of a message for the bag, with gaps for lost messages.
 
-        Each publisher numbers its own messages. A bag does not store publishers, so it has one
+        Each publisher numbers its own messages. A bag does not store publishers, so the bag has one
         sequence of numbers per topic.
         """
         number: int = info['publication_sequence_number']
@@ -446,7 +446,7 @@ class BagFeed:
         return self._reader.count(index) + (self._reader.lost(index) or 0)
 
     def until(self) -> bytes:
-        """Return the newest joint state's stamp as a serialized Time; b'' before the first."""
+        """Return the newest joint state's stamp as a serialized Time, b'' without a joint state."""
         # A serialized Time equals the first bytes of a serialized JointState.
         return self._states.state[:_STAMP_END]
 
@@ -455,7 +455,7 @@ class BagFeed:
         return [self._reader.publishers(k) for k in range(len(self.names))]
 
     def message_counts(self) -> dict[str, tuple[int, int | None]]:
-        """Return the numbers of received and lost messages of each topic, None if unknown."""
+        """Return each topic's numbers of received and lost messages; None for an unknown loss."""
         read, counts = self._reader, self._writer.counts
         totals = {name: (counts[k], read.lost(k)) for k, name in enumerate(self.names)}
         return {name: numbers for name, numbers in totals.items() if numbers[0]}
@@ -474,14 +474,14 @@ class BagFeed:
         ]
 
     def total_lost(self) -> object:
-        """Return the number of lost messages, as 'at least N' if losses of a topic are unknown."""
+        """Return the number of lost messages, or 'at least N' if a topic's loss is unknown."""
         lost = [lost for _, lost in self.message_counts().values()]
         total = sum(filter(None, lost))
         return f'at least {total}' if None in lost or self.silent() else total
 
     @property
     def waiting(self) -> int:
-        """Number of messages that are not yet written to the disk."""
+        """Number of received messages that are not yet written to the disk."""
         return self._writer.waiting
 
     def written(self) -> tuple[int, int]:
@@ -489,7 +489,7 @@ class BagFeed:
         return sum(self._writer.counts), os.fstat(self._writer.fileno()).st_size
 
     def complete(self) -> None:
-        """Write pending messages and complete the bag, or raise BagError; may be called twice."""
+        """Write pending messages and complete the bag; raises BagError, may be called twice."""
         self._writer.close()
 
     def destroy(self) -> None:

@@ -160,7 +160,7 @@ def test_without_a_bridge_the_error_states_what_to_check(
     status, text = ask('enable', '--timeout', '1.2')
     assert status == 1
     number = ros_domain['ROS_DOMAIN_ID']
-    where = 'this host only; ground_link connects hosts'
+    where = 'on this host only; ground_link connects hosts'
     domain = f'this ROS domain (ROS_DOMAIN_ID={number}, {where})'
     assert f'arm: waiting for a bridge in {domain}\n' in text
     assert f'check that a bridge runs in {domain}' in text

@@ -235,7 +235,7 @@ def test_names_publishers_that_cannot_be_recorded(start, ros_node, tmp_path) -> 
     ros_node.create_publisher(String, 'arm_mode', names.NEWEST)
     recorder = start()
     wait_for_text(
-        recorder, '/joint_states of /test is not recorded: its type is std_msgs/msg/String'
+        recorder, '/joint_states of /test is not recorded, because its type is std_msgs/msg/String'
     )
     wait_for_text(recorder, '/arm_mode of /test is not recorded, because it is best effort')
     assert recorder.stop() == 0

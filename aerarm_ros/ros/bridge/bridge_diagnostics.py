@@ -1,4 +1,4 @@
-"""Diagnostics and log of the bridge."""
+"""Diagnostic statuses and log lines of the bridge."""
 
 from __future__ import annotations
 
@@ -50,16 +50,16 @@ class BridgeTiming:
         self._summaries: dict[str, TimingSummary] = {}
 
     def add_command(self, age_ns: int, answers_last_state: bool) -> None:
-        """Count a command, and store the age of the joint state that it answers [ns]."""
+        """Count a command, and store the age [ns] of the joint state that the command answers."""
         self._command_age.add(age_ns)
         self._answered += answers_last_state
 
     def account(self) -> str:
-        """Return one line about the timing of the cycle, for the end of the log."""
+        """Return one line with the timing of all cycles, which is logged when the bridge ends."""
         return self._loop.account()
 
     def refresh(self) -> Iterator[None]:
-        """Compute the statistics that `status` returns, one per iteration (0.1 ms each)."""
+        """Compute the statistics for `status`, one per iteration of this generator (0.1 ms)."""
         loop = self._loop
         for name, statistics in (
             ('period', loop.interval),
@@ -92,10 +92,10 @@ class BridgeTiming:
 def _behind_text(behind: float) -> str:
     where = 'behind' if behind > 0.0 else 'ahead of'
     return (
-        f'the stamps are {1000.0 * abs(behind):.0f} ms {where} the system clock, because this '
-        'clock was set. Until both agree, use neither start times nor stamps of the system clock. '
-        "A difference above 500 ms ends at the next 'arm disable', a smaller one shrinks by 0.5 "
-        'ms per second'
+        f'the stamps of joint_states are {1000.0 * abs(behind):.0f} ms {where} the system clock, '
+        'because the system clock was set. Until both clocks agree, use neither start times nor '
+        "stamps of the system clock. The next 'arm disable' corrects a difference above 500 ms; a "
+        'smaller difference shrinks by 0.5 ms per second'
     )
 
 
@@ -121,7 +121,7 @@ POWER_FROM = 'power from'
 _POWER_SOURCES = {
     'voltage': 'power computed from the voltages that the boards report',
     'model': (
-        'power computed from current, resistance and speed, because the frames contain no voltage'
+        'power computed from current, resistance and speed, because the boards report no voltage'
     ),
 }
 
@@ -174,24 +174,24 @@ class BridgeDiagnostics:
         self._output.arm = name
 
     def watch(self, watched: Watched) -> None:
-        """Report the values of an active bridge from now on; its cycle must call `step`."""
+        """Publish the values of an active bridge, whose cycle must call `step` from now on."""
         self._timer.cancel()
         self._pieces = None
         self._watched = watched
         self.publish_soon()
 
     def unwatch(self) -> None:
-        """Publish from now on that the bridge is not active."""
+        """Publish the status 'not active' once per second from now on."""
         self._watched = None
         self._timer.reset()
         self._publish_inactive()
 
     def publish_soon(self) -> None:
-        """Start the next message at the next call of `step`, because a value has changed."""
+        """Start a new message at the next call of `step`, because a value has changed."""
         self._due = -inf
 
     def step(self, now: float) -> None:
-        """Build a part of the message in about 0.1 ms, at the monotonic time `now` [s].
+        """Build the next part of the message at the monotonic time `now` [s], in about 0.1 ms.
 
         A new message starts once per second, or after `publish_soon`.
         """
@@ -283,7 +283,7 @@ def _motors(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
 
 
 def followed_by(text: str, sentence: str) -> str:
-    """Append a sentence to a text, and end the text with a full stop if it has no final mark."""
+    """Append a sentence to a text, after a full stop if the text has no final mark."""
     end = '' if text.endswith(('.', '?', '!')) else '.'
     return f'{text}{end} {sentence}'
 
@@ -298,11 +298,11 @@ _SINKS = 'The arm sinks until a valid command arrives'
 
 
 class ModeLog:
-    """Log each new mode of the arm, with the reason and recovery hint of a fault.
+    """Log each new mode of the arm, with its reason and, for a fault, a recovery hint.
 
-    The cycle only stores the mode, because logging takes up to a millisecond; the executor's thread
-    logs it. Mode `disconnected` is logged after a delay, because no board answers in the first
-    moments after a start.
+    The cycle only stores the mode, because logging takes up to a millisecond. The executor's thread
+    writes the log line. Mode `disconnected` is logged after a delay, because no board answers in
+    the first moments after a start.
 
     Parameters
     ----------
@@ -319,12 +319,12 @@ class ModeLog:
         self._patience = create_steady_timer(node, _PATIENCE, self._write_later, autostart=False)
 
     def note(self, mode: str, reasons: Sequence[str] = (), recovery_hint: str = '') -> None:
-        """Store a new mode with its reasons and recovery hint; called from the cycle's thread."""
+        """Queue a new mode of the arm for the log; called from the cycle's thread."""
         self._noted.append((mode, reasons, recovery_hint))
         self._news.trigger()
 
     def warn(self, text: str) -> None:
-        """Store a warning for the log; called from the cycle's thread."""
+        """Queue a warning for the log; called from the cycle's thread."""
         self._noted.append(('', (text,), ''))
         self._news.trigger()
 
@@ -379,9 +379,9 @@ _OF_PUBLISHERS = ('source', 'not_allowed')
 
 
 class RejectionLog:
-    """Log a warning when rejections of commands begin, at most one line per reason in 10 s.
+    """Log a warning if the bridge rejects joint commands, at most once per reason in 10 s.
 
-    The cycle only stores the rejection; the executor's thread logs it.
+    The cycle only stores the rejection; the executor's thread writes the log line.
 
     Parameters
     ----------
@@ -405,7 +405,7 @@ class RejectionLog:
         )
 
     def update(self, intake: CommandIntake, mode: str, now: float) -> None:
-        """Store a rejection in the cycle at `now` [s]; called from the cycle's thread."""
+        """Queue a log line if the cycle at `now` [s] rejected a command; called by the cycle."""
         if mode != self._mode:
             self._mode, self._mode_since = mode, now
         if intake.last_rejection_time != now:

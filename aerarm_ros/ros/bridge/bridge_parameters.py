@@ -228,7 +228,7 @@ def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | Non
 
 
 def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
-    """Load the board profile of the parameters, or raise ProfileError if it is invalid."""
+    """Load the board profile that the parameters name; raises ProfileError if it is invalid."""
     profile = load_profile(values.profile or config.profile)
     for entry in values.profile_scales:
         name, _, lsb = entry.partition('=')
@@ -246,7 +246,7 @@ def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
 def board_gains(
     values: Mapping[str, Any], config: ArmConfig
 ) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
-    """Return the boards' gains kp, kd and ki: from the parameters, or else the configuration."""
+    """Return the boards' gains kp, kd and ki; empty parameters default to the configuration."""
     return (
         values['board_kp'] or config.column('board_kp'),
         values['board_kd'] or config.column('board_kd'),

@@ -35,7 +35,7 @@ class CycleRequests:
         self._closed.set()
 
     def ask(self, action: Action, insist: bool = False) -> Answer:
-        """Let the cycle's thread run an action, and return its answer.
+        """Let the cycle's thread run an action, and return the answer of the action.
 
         After a time-out the action does not run, because its client has already received an error.
         With `insist` the action runs late, which is safer for a stop of the arm.
@@ -126,14 +126,15 @@ class BridgeServices:
     def _same_name_problem(self) -> str:
         """Return a message if another node has the name of this bridge, else an empty string.
 
-        Such a request reaches both nodes, and the client receives the first answer only.
+        A service request would reach both nodes, and the client would receive only one answer.
         """
         name, namespace = self._node.get_name(), self._node.get_namespace()
         if self._node.get_node_names_and_namespaces().count((name, namespace)) < 2:
             return ''
         return (
-            f'two nodes have the name {self._node.get_fully_qualified_name()}: end one of them, '
-            'or start it with -r __node:=NAME. If you have just killed one, wait some seconds'
+            f'two nodes have the name {self._node.get_fully_qualified_name()}: end one of '
+            'them, or restart it with another name (-r __node:=NAME). If you have just killed one '
+            'of them, wait some seconds'
         )
 
     def _handler(

@@ -1,4 +1,4 @@
-"""Commissioning topics of the bridge, and its use of the commissioning record."""
+"""Topics for the commissioning of an arm, and the commissioning record that the bridge reads."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ class RecordWatch:
     Attributes
     ----------
     problem
-        Reason why the arm counts as not commissioned; empty for a commissioned arm, or if no record
-        is used.
+        Reason why the arm counts as not commissioned. Empty if the arm is commissioned, or if the
+        bridge uses no record.
     """
 
     def __init__(
@@ -73,11 +73,11 @@ class RecordWatch:
 
     @property
     def pulse_offset(self) -> NDArray[np.float64]:
-        """Recorded motor angles of the index pulses (n,) [rad], zero for joints without record."""
+        """Recorded motor angle of each joint's index pulse (n,) [rad], zero if not recorded."""
         return self._record.pulse_offset(self._config)
 
     def look(self) -> None:
-        """Read the commissioning record again, and log why it is invalid if that has changed."""
+        """Read the commissioning record again, and log each new reason why it is unusable."""
         if self._path is None:
             return
         before, self.problem = self.problem, self._read(self._path)
@@ -99,7 +99,7 @@ class RecordWatch:
 
 
 class CommissioningTopics:
-    """Pass commissioning requests to the cycle's thread, and publish the reports.
+    """Pass commissioning requests to the cycle's thread, and publish the resulting reports.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class CommissioningTopics:
     ask
         Runs an action in the cycle's thread, as `CycleRequests.ask` does.
     record
-        Commissioning record, which is read again once a client has ended.
+        Commissioning record, which is read again after each commissioning client has ended.
     """
 
     def __init__(self, node: Node, ask: Callable[[Action], Answer], record: RecordWatch) -> None:

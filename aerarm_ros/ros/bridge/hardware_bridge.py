@@ -112,7 +112,7 @@ class World:
     clock
         Clock for the stamps of the joint states.
     live
-        Actions by name of a live parameter; the cycle runs them after a change of the parameter.
+        Action for each live parameter, by name; the cycle runs it after the parameter has changed.
     """
 
     emulated = False
@@ -132,7 +132,7 @@ class World:
         if config.emulated_only:
             raise ValueError(
                 f'the configuration of {config.name} is for emulated boards only: measure the '
-                'values that the file marks as guesses, then remove its line emulated_only'
+                'values that the file marks as guesses, then remove the line emulated_only'
             )
         return SpidevTransport(config)
 
@@ -155,7 +155,7 @@ class World:
         """Do nothing; an emulated arm uses this call after each cycle for its simulation."""
 
     def actions(self) -> Mapping[str, Action]:
-        """Return additional services as actions by name; none for a real arm."""
+        """Return the actions of additional services by service name; none for a real arm."""
         return {}
 
     def statuses(self) -> Sequence[Status]:
@@ -163,7 +163,7 @@ class World:
         return ()
 
     def parameter_problem(self, changes: Mapping[str, Any]) -> str:
-        """Return why the node must reject new values of live parameters, or an empty string."""
+        """Return why new values of live parameters are invalid, or an empty string."""
         return ''
 
     def clean_up(self) -> None:
@@ -173,10 +173,10 @@ class World:
 class HardwareBridge(LifecycleNode):
     """Managed (lifecycle) node that runs the bridge's cycle.
 
-    Configuring opens the SPI buses, activating starts the cycle, deactivating switches the motors
-    off. The cycle runs in the thread that calls `run`, all other work in the executor's thread. The
-    threads share the queue of requests, finished results, parameter values and the table of command
-    publishers.
+    The transition `configure` opens the SPI buses, `activate` starts the cycle, and `deactivate`
+    switches the motors off. The cycle runs in the thread that calls `run`, and all other work in
+    the executor's thread. The threads share the queue of requests, finished results, parameter
+    values and the table of command publishers.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ class HardwareBridge(LifecycleNode):
     # The cycle, in the main thread.
 
     def run(self) -> None:
-        """Run until a stop signal or `stop`, or raise OSError if an automatic start fails."""
+        """Run the bridge until a stop signal or `stop`; raises OSError if autostart fails."""
         with (
             StopSignals(self.stop, stays_awake=True),
             PortWatch(),
@@ -408,7 +408,7 @@ class HardwareBridge(LifecycleNode):
             self.requests.close()
 
     def stop(self) -> None:
-        """End `run` after the present cycle; any thread or signal handler may call this."""
+        """End `run` after the present cycle; callable from any thread or signal handler."""
         self._stopping = True
         if self._loop is not None:
             self._loop.stop()
@@ -440,7 +440,7 @@ class HardwareBridge(LifecycleNode):
         return cycle.mode != 'disconnected' or cycle.cycles > min(needed, _UNKNOWN_MAX)
 
     def report(self) -> None:
-        """Check for other publishers and build a part of the diagnostics, once per cycle."""
+        """Check for duplicate publishers and build a part of the diagnostics, once per cycle."""
         self._watch.poll()
         self._duplicates.poll()
         if self.cycle is not None and (news := self.cycle.heat.news):
@@ -549,8 +549,8 @@ class BridgeStreams:
             return self._names, sample, publisher
         if len(payload) > _LONGEST + _LONGEST_PER_JOINT * len(self._names):
             raise ValueError(
-                f'rejected a joint_command, because {len(payload)} bytes are too long for this '
-                'arm: check config and tf_prefix of its publisher'
+                f'rejected a message on joint_command, because its {len(payload)} bytes are too '
+                'many for this arm: check the parameters config and tf_prefix of its publisher'
             )
         return (*decode_as_sent(payload), publisher)
 

@@ -51,10 +51,10 @@ FILE_PARAMETERS = (
 )  # fmt: skip
 
 RESIDUALS = 'residuals.yaml'
-"""Name of the file with the learnt contact thresholds."""
+"""Name of the file with the contact thresholds that `contact_estimator --free` learns."""
 
 RESIDUALS_SECTION = 'residual_bound'
-"""Top-level key in the file of the contact thresholds."""
+"""Top-level key of the contact thresholds in the file `RESIDUALS`."""
 
 
 def contact_settings(values: Any) -> ContactSettings:
@@ -70,7 +70,7 @@ def read_residuals(path: Path, joint_names: tuple[str, ...]) -> ResidualBound:
     section = values.get(RESIDUALS_SECTION) if isinstance(values, dict) else None
     if not isinstance(section, dict):
         raise ValueError(
-            f'{path} has no section {RESIDUALS_SECTION}: pass the {RESIDUALS} that '
+            f'{path} has no section {RESIDUALS_SECTION}: pass the file {RESIDUALS} that '
             'contact_estimator --free writes'
         )
     return ResidualBound.from_dict(section, joint_names, str(path))

@@ -28,18 +28,18 @@ _DISTURBANCE_PERIOD = 10  # answered states
 
 
 def controller_parameters(*parameters: Parameter) -> ParameterTable:
-    """Return the parameters of a controller: those given, and those of all controllers."""
+    """Return the given parameters together with the parameters that all controllers share."""
     return state_node_parameters(*parameters, *AT_END_PARAMETERS)
 
 
 class Attendant(Protocol):
-    """Object that a controller calls after each command, and while it sends no commands."""
+    """Object that a controller calls after each command, or instead of a command."""
 
     def update(self) -> None:
         """Do work after the controller has sent a command; called in the loop's thread."""
 
     def give_up(self, reason: str) -> None:
-        """React to a joint state that the controller does not answer; called in the same thread."""
+        """React to a joint state that gets no command; called in the loop's thread."""
 
     def destroy(self) -> None:
         """Destroy the ROS entities of this object; called once, when the node ends."""
@@ -50,9 +50,10 @@ class ControllerNode(StateNode):
 
     While the bridge ignores commands (the motors are off or the arm is stopped), the controller
     resets its loop. Control therefore starts at the present posture, even if a person moved the
-    arm. Before the controller ends, it requests that the bridge holds the arm (`at_end`).
+    arm. Before the controller ends, it requests that the bridge holds the arm, if the parameter
+    `at_end` is 'hold'.
 
-    A derived controller overrides `make_loop`, and `subscribe` to subscribe to its references.
+    A derived controller overrides the methods `make_loop` and `subscribe`.
 
     Attributes
     ----------
@@ -67,23 +68,23 @@ class ControllerNode(StateNode):
     # Methods for derived controllers to override.
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Create the control loop; raises ValueError."""
+        """Create and return the control loop; raises ValueError for invalid parameters."""
         raise NotImplementedError
 
     def subscribe(self) -> None:
-        """Subscribe to the references."""
+        """Subscribe to the topics of the references that the arm follows."""
 
     def before_update(self, state: ArmState, now: float) -> None:
-        """Do work before the control law computes a command; called in the loop's thread."""
+        """Prepare the computation of the next command; called in the loop's thread."""
 
     # For derived controllers.
 
     def attend(self, attendant: Attendant) -> None:
-        """Add an object that the loop calls at every joint state."""
+        """Add an attendant, which the loop calls at every joint state."""
         self._attendants.append(attendant)
 
     def publish_plan(self, ahead: Callable[[Any], JointReference | None]) -> None:
-        """Publish the planned motion; `ahead` returns the references at given times (M,) [s]."""
+        """Publish the planned motion; `ahead` returns the references for times (M,) [s]."""
 
         def after_state(times: NDArray[np.float64]) -> JointReference | None:
             return ahead(1e-9 * self.stamp_ns + times)
@@ -106,7 +107,7 @@ class ControllerNode(StateNode):
         self.attend(self._payload)
 
     def react_to_contact(self, follower: TrajectoryFollower, law: ComplyingLaw) -> ContactReaction:
-        """Subscribe to contacts; return the object that executes `contact_reaction`."""
+        """Subscribe to contacts, and return the reaction that `contact_reaction` selects."""
         values = self.values
         reaction = ContactReaction(
             follower, self.loop, law, values.retreat_time, values.comply_stiffness
@@ -123,7 +124,7 @@ class ControllerNode(StateNode):
         return reaction
 
     def require_commandable(self, what: str) -> None:
-        """Raise RejectedInputError if the topic or action `what` cannot move the arm now."""
+        """Raise RejectedInputError, about topic or action `what`, if the arm must not move."""
         if self._mode not in COMMANDABLE:
             mode = self._mode or 'unknown'
             raise RejectedInputError(
@@ -153,7 +154,7 @@ class ControllerNode(StateNode):
         self._reaction = None
 
     def connect(self) -> None:
-        """Advertise commands and the disturbance, and subscribe to the bridge's mode."""
+        """Advertise the command and disturbance topics, and subscribe to the arm's mode."""
         self._commands = self.advertise(topics.JOINT_COMMAND)
         self._disturbance = self.advertise(topics.DISTURBANCE)
         self._arm_at_end = ArmAtEnd(self.node, self.values)
@@ -194,7 +195,7 @@ class ControllerNode(StateNode):
             self._arm_at_end.leave()
 
     def close(self) -> None:
-        """Destroy the attendants of the loop, then the node."""
+        """Destroy the ROS entities of the attendants, then the node."""
         for attendant in self._attendants:
             attendant.destroy()
         super().close()
@@ -225,7 +226,7 @@ class ControllerNode(StateNode):
             values['reactions to contact'] = self._reaction.count
         if loop.base is None:
             values['base motion'] = (
-                'not used, because the boards control velocity and need no torque from the model'
+                'not used, because the boards control velocity and need no model torque'
             )
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
@@ -243,7 +244,7 @@ class ControllerNode(StateNode):
         return ''
 
     def _log_begin(self, state: ArmState) -> None:
-        """Log the posture at which control starts, once per start."""
+        """Log the posture at which control starts, once per activation of the loop."""
         if self.loop.take_overs == self._logged:
             return
         self._logged = self.loop.take_overs
@@ -252,7 +253,7 @@ class ControllerNode(StateNode):
             for name, angle in zip(self.arm.config.joint_names, state.q.tolist(), strict=True)
         )
         self.node.get_logger().info(
-            f'control starts at the posture {where} rad', throttle_duration_sec=1.0
+            f'control starts at the joint positions {where} rad', throttle_duration_sec=1.0
         )
 
     def _on_mode(self, message: String, _: float) -> None:

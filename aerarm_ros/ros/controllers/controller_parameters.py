@@ -185,7 +185,7 @@ ENERGY_PARAMETERS = tuple(
 
 
 def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
-    """Return the parameters of the disturbance observer; the argument is a default value."""
+    """Return the parameters of the disturbance observer, with the default of `compensation`."""
     return grouped(
         'Disturbances',
         Parameter('observer_gain', 30.0,
@@ -266,15 +266,15 @@ REACTION_PARAMETERS = grouped(
 
 
 class CarryingModel(Protocol):
-    """Interface of a model of the arm that can include a payload."""
+    """Interface of an arm model that can include a payload."""
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Set the payload at the last link, as `Dynamics.carry`."""
+        """Set the payload at the last link, as the method `Dynamics.carry` does."""
 
 
 @dataclass(frozen=True)
 class ControlledArm:
-    """Configuration, model, limits and drone of an arm, and factories for a controller's parts."""
+    """Configuration, model, limits and drone of an arm; its methods create a controller's parts."""
 
     config: ArmConfig
     robot: Robot
@@ -284,7 +284,7 @@ class ControlledArm:
 
     @classmethod
     def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
-        """Read URDF, configuration and drone file; raises ValueError if one cannot be used."""
+        """Read URDF, configuration and drone file; raises ValueError if a file is invalid."""
         config, robot = load_arm(values)
         drone = load_drone(values, config, robot)
         return cls(config, robot, JointLimits.from_config(config), drone)
@@ -299,17 +299,17 @@ class ControlledArm:
         return model
 
     def load(self, model: CarryingModel, values: SimpleNamespace) -> None:
-        """Add a model to the models whose payload follows the parameter; raises ValueError."""
+        """Set the payload of a model, and store the model for `carry`; raises ValueError."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)
 
     def carry(self, payload: Sequence[float]) -> None:
-        """Set the payload of all models that `load` added; raises ValueError."""
+        """Set the payload of all models that `load` received; raises ValueError."""
         for model in self._models:
             model.carry(_payload(payload))
 
     def friction(self, values: SimpleNamespace) -> FrictionCompensation:
-        """Return the compensation of joint friction; raises ValueError for an invalid value."""
+        """Return the friction compensation; raises ValueError if a parameter is invalid."""
         if values.friction_file:
             # Imported here, because most controllers do not need the identifier's libraries.
             from aerarm_ros.identification.files.estimate_file import read_estimate
@@ -334,7 +334,7 @@ class ControlledArm:
         dynamics: MovingBaseDynamics,
         friction: FrictionCompensation | None,
     ) -> MomentumObserver | None:
-        """Return the disturbance observer, or None if its gain is zero."""
+        """Return the disturbance observer, or None if the parameter `observer_gain` is zero."""
         if values.observer_gain == 0.0:
             return None
         return MomentumObserver(dynamics, values.observer_gain, friction)
@@ -351,28 +351,28 @@ class ControlledArm:
         return self._moved_base(values, values.base_motion)
 
     def check_base(self, values: SimpleNamespace, payload: Sequence[float]) -> None:
-        """Raise ValueError if base_motion `full` could become unstable with this payload."""
+        """Raise ValueError if base_motion 'full' could become unstable with the given payload."""
         if values.base_motion == FULL and self.drone is not None:
             check_feedback(self.drone, self._whole(values, self.drone, payload))
 
     def hovering_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return an estimator that ignores how the drone reacts to the arm, for feed-forward."""
+        """Return a base-motion estimator for feed-forward: it ignores the drone's reaction."""
         return self._moved_base(values, HOVER)
 
     def measured_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return an estimator that measures the base motion, for nodes that do not move the arm."""
+        """Return an estimator of the measured base motion, for nodes that do not move the arm."""
         mode = FULL if values.base_motion == FREE else values.base_motion
         return self._moved_base(values, mode)
 
     def feedback_gain(self, values: SimpleNamespace) -> float:
-        """Return the largest gain of the feedback loop that base_motion `full` closes."""
+        """Return the largest gain of the feedback loop that base_motion 'full' causes."""
         if self.drone is None:
             return 0.0
         payload = getattr(values, PAYLOAD, [])
         return largest_feedback_gain(self._whole(values, self.drone, payload))
 
     def whole_body(self, values: SimpleNamespace, drone: DroneConfig) -> WholeBodyDynamics:
-        """Return a dynamics model of arm and drone, whose payload follows the parameter."""
+        """Return a dynamics model of arm and drone, with the payload of the parameter."""
         whole = self._whole(values, drone)
         self.load(whole, values)
         return whole
@@ -425,7 +425,7 @@ class ControlledArm:
         )
 
     def follower(self, values: SimpleNamespace) -> TrajectoryFollower:
-        """Return the object that turns trajectories and set points into references."""
+        """Return the trajectory follower, which converts motions and set points to references."""
         tolerances = FollowerTolerances.uniform(
             self.config.n,
             values.start_tolerance,
@@ -443,9 +443,10 @@ class ControlledArm:
         )
 
     def governor(self, values: SimpleNamespace) -> RotorGovernor | None:
-        """Return the governor that slows motions down to the rotors; None without drone or check.
+        """Return the governor that slows down motions which demand too much of the rotors.
 
-        `values` contains the values of `ROTOR_PARAMETERS`.
+        Without drone, or if `rotor_share` is zero, the result is None. `values` contains the values
+        of `ROTOR_PARAMETERS`.
         """
         if self.drone is None or values.rotor_share == 0.0:
             return None
@@ -461,7 +462,7 @@ class ControlledArm:
 
 
 def payload_problem(changes: Mapping[str, Any]) -> str:
-    """Return why a changed payload parameter is invalid, or an empty string."""
+    """Return why a new value of the payload parameter is invalid, or an empty string."""
     try:
         checked_payload(_payload(changes.get(PAYLOAD, [])))
     except ValueError as error:
@@ -475,11 +476,11 @@ def _payload(values: Sequence[float]) -> Sequence[float]:
 
 
 def load_share(values: SimpleNamespace, robot: Robot) -> npt.NDArray[np.float64]:
-    """Return the load-dependent friction [-], one value or (n,), of the parameter or the URDF."""
+    """Return the load-dependent friction [-], one value or (n,), from parameter or URDF."""
     given = values.load_friction
     return scalar_or_array(given) if len(given) else robot.load_friction
 
 
 def scalar_or_array(values: Sequence[float]) -> npt.NDArray[np.float64]:
-    """Convert a list to an array, or to a number if it has only one value."""
+    """Convert a list to an array, or a list of one value to a number."""
     return np.array(values[0] if len(values) == 1 else values, dtype=float)

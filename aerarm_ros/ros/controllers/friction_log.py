@@ -1,4 +1,4 @@
-"""Parameters of `payload_estimator`, and the file with its friction estimates over weeks."""
+"""Parameters of the node `payload_estimator`, and its file of friction estimates over weeks."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ _MIN_LAST = 30.0  # [s] shortest estimation time for a record at the end of the 
 
 
 class FrictionLog:
-    """Record the friction estimates periodically, and write them to a file from any thread.
+    """Record friction estimates periodically, and write the records to a file.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class FrictionLog:
         self._lock = Lock()
 
     def offer(self, estimate: OnlineEstimate) -> None:
-        """Process a friction estimate; never waits for the disk."""
+        """Process a friction estimate without waiting for the disk."""
         if self._last is not None and 0.0 < estimate.time - self._last.time < _MAX_GAP:
             self._learnt += estimate.time - self._last.time
         self._last = estimate
@@ -135,13 +135,13 @@ class FrictionLog:
                 )
 
     def finish(self) -> None:
-        """Record the last estimate, and write the file, at the end of the node."""
+        """Record the last estimate and write the file; to be called when the node ends."""
         if self._last is not None and self._learnt >= min(self._interval, _MIN_LAST):
             self._record(self._last)
         self.write()
 
     def describe(self) -> dict[str, object]:
-        """Return the number of records and the changes of friction, for /diagnostics."""
+        """Return the number of records and the friction changes, for /diagnostics."""
         with self._lock:
             records, changes = self._trend.records, self._trend.changes()
         texts = [

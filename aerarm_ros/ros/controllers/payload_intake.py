@@ -1,4 +1,4 @@
-"""Payload compensation: adapt the payload in a controller's model to `payload_estimator`."""
+"""Payload compensation: adapt a controller's model to the estimate of `payload_estimator`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PAYLOAD_COMPENSATION_PARAMETERS = grouped(
 
 
 class PayloadIntake:
-    """Change the payload in the controller's models gradually to the estimate on `payload`.
+    """Adapt the payload in the controller's models gradually to the estimate on topic `payload`.
 
     The payload in the models is the sum of the compensated estimate and the parameter
     `payload.inertial_parameters`. Without new estimates the compensation stays until the arm's
@@ -91,7 +91,7 @@ class PayloadIntake:
             raise RejectedInputError(str(error)) from None
 
     def update(self) -> None:
-        """Change the models' payload by one step, or check the effect on the disturbance."""
+        """Change the models' payload by one step, or check if the torque residual decreases."""
         now, state = self._now()
         if not 0.0 <= now - self._updated < _MAX_GAP or state is None:
             self._updated = self._judged = now
@@ -125,7 +125,7 @@ class PayloadIntake:
 
     @property
     def problem(self) -> str:
-        """Warning that the payload compensation was withdrawn, or an empty string."""
+        """Warning that the controller withdrew the payload compensation, or an empty string."""
         if not self._compensation.is_undone:
             return ''
         return (

@@ -1,4 +1,4 @@
-"""Topics that `base_reaction` publishes: load of the arm on the drone, contact, and energy."""
+"""Topics of the node `base_reaction`: the arm's load on the drone, contact, and energy."""
 
 from __future__ import annotations
 
@@ -69,10 +69,11 @@ _FADE_STEP = 0.01  # [s] between two messages of the fading motion
 
 
 class LoadTopics:
-    """Publish the feed-forward topics: mass properties, weight, wrench and acceleration.
+    """Publish the arm's load on the drone as feed-forward, in five topics.
 
-    The stamp of a message is the time at which the arm has the described load. This is the stamp of
-    the newest joint state plus the preview time `lead`.
+    The topics are centre of mass, inertia, wrench of the weight, wrench of the motion, and
+    acceleration. The stamp of a message is the time to which the load applies: the stamp of the
+    newest joint state plus the preview time `lead`.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ class LoadTopics:
         self._acceleration = advertise(topics.FEEDFORWARD_ACCELERATION)
 
     def add(self, stamp_ns: int, measured: JointReference) -> None:
-        """Process the motion measured at a stamp [ns]; publish if one period has passed."""
+        """Process the joint motion measured at `stamp_ns`; publish if one period has passed."""
         now = 1e-9 * stamp_ns
         about_ns = stamp_ns + round(1e9 * self.forecast.lead)
         if self._has_faded_after(about_ns):
@@ -131,7 +132,7 @@ class LoadTopics:
         self._send(about_ns, self._model.evaluate(motion))
 
     def fade(self) -> float | None:
-        """Publish the next step of the motion's fading to zero; mass and weight do not fade.
+        """Publish the motion's wrench and acceleration, which fade to zero without joint states.
 
         Returns
         -------
@@ -168,9 +169,9 @@ class LoadTopics:
         self.forecast.offer(begin, times, *columns)
 
     def _has_faded_after(self, stamp_ns: int) -> bool:
-        """Return whether a state is older than a motion that was published while fading.
+        """Return whether a joint state is older than the last message of the fading motion.
 
-        A bridge sends such a state if it was delayed between measurement and publication.
+        A joint state can be older if the bridge was delayed before it published the joint state.
         """
         if self._sent is None or self._fade.share == 1.0:
             return False
@@ -218,7 +219,7 @@ _PERIOD_NS = 2_000_000  # [ns] between two checks for odometry and rotor command
 
 
 class ContactTopic:
-    """Subscribe to odometry and rotor commands, and publish the contact wrench.
+    """Subscribe to the drone's odometry and rotor commands, and publish the contact wrench.
 
     Without a drone file this object does not subscribe and does not publish.
 
@@ -264,7 +265,7 @@ class ContactTopic:
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
 
     def add(self, stamp_ns: int, state: ArmState) -> None:
-        """Process a joint state with its stamp [ns], and publish a new contact wrench."""
+        """Process a joint state with its stamp [ns], and publish the contact wrench."""
         estimator = self._estimator
         if estimator is None:
             return
@@ -284,7 +285,7 @@ class ContactTopic:
         self._publish(estimator.update())
 
     def fade(self) -> float | None:
-        """Publish the next step of the contact wrench's fading to zero.
+        """Publish the contact wrench, which fades to zero without joint states.
 
         Returns
         -------
@@ -297,19 +298,19 @@ class ContactTopic:
         return FADE_STEP
 
     def set_bandwidth(self, bandwidth: float) -> None:
-        """Change the cutoff frequency of the low-pass for the contact wrench [Hz]."""
+        """Set the cutoff frequency [Hz] of the low-pass for the contact wrench."""
         if self._estimator is not None:
             self._estimator.observer.bandwidth = bandwidth
 
     def problem(self) -> str:
-        """Return which input the contact estimate lacks, or an empty string."""
+        """Return which input of the contact estimate is missing, or an empty string."""
         if self._estimator is None or not self._count:
             return ''
         problem = self._estimator.problem()
         return problem and f'contact_wrench: {problem}'
 
     def describe(self) -> dict[str, object]:
-        """Return the state of `contact_wrench` for /diagnostics: published, or why not."""
+        """Return for /diagnostics whether `contact_wrench` is published, or why it is not."""
         if self._estimator is None:
             text = 'mass and rotors of the drone are unknown: set drone_file'
         else:
@@ -333,7 +334,7 @@ class ContactTopic:
             self._act(lambda _: zero.begin())
             response.message = (
                 f'hover without contact for {DURATION:g} s: the node now estimates the bias of '
-                'contact_wrench, and then subtracts this bias'
+                'contact_wrench, and afterwards subtracts it'
             )
         return response
 
@@ -349,7 +350,7 @@ _PERIOD = 0.1  # [s]
 
 
 class EnergyTopic:
-    """Add up the energy of the arm's drives, and publish the sums at 10 Hz.
+    """Add up the energy of the arm's drives by cause, and publish the sums at 10 Hz.
 
     The message has one row per cause and one column per joint. All rows but the last add up to the
     energy from the supply. The last row is the energy that the supply received from the drives.
@@ -389,7 +390,7 @@ class EnergyTopic:
         )
 
     def add(self, now: float, state: ArmState) -> None:
-        """Process the joint state at the time `now` [s]; publish if one period has passed."""
+        """Process the joint state of the time `now` [s]; publish if one period has passed."""
         self._meter.add(now, state)
         if self._due - 2.0 * _PERIOD < now < self._due:  # earlier: the clock was set back
             return
@@ -401,7 +402,7 @@ class EnergyTopic:
         )
 
     def describe(self) -> dict[str, object]:
-        """Return the energy by cause, and the source of each winding resistance."""
+        """Return the energy by cause and each winding resistance's source, for /diagnostics."""
         total = self._meter.total
         report: dict[str, object] = {
             f'{name} [J]': round(float(value), 2)

@@ -39,7 +39,7 @@ from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics
 from aerarm_ros.ros.states.state_stream import StateStream, base_header
 
 HORIZON = 0.1
-"""Duration of a published plan [s]; rotors and communication of a drone lag by about 30 ms."""
+"""Duration of a published plan [s], longer than the 30 ms lag of a drone's rotors and link."""
 _POINT_PERIOD = 0.02  # [s] short enough for quintic interpolation between points
 _PERIOD_NS = 10_000_000  # [ns] between two plans
 
@@ -103,7 +103,7 @@ class PlanTopic:
         self._publisher.publish(message)
 
     def give_up(self, reason: str) -> None:
-        """Publish nothing, because no motion is planned while the arm is not controlled."""
+        """Do nothing, because no motion is planned while the arm is not controlled."""
 
     def destroy(self) -> None:
         """Destroy the publisher."""
@@ -111,7 +111,7 @@ class PlanTopic:
 
 
 def state_node_parameters(*parameters: Parameter) -> ParameterTable:
-    """Return the parameters of a state node: those given, and those of all state nodes."""
+    """Return the given parameters together with the parameters that all state nodes share."""
     return ParameterTable(*ARM_PARAMETERS, *LOOP_PARAMETERS, *parameters)
 
 
@@ -140,8 +140,8 @@ class StateNode:
     answers
         Messages that the node publishes in answer to joint states.
     state, stamp_ns
-        The newest joint state, None before the first, and its stamp [ns]. The node uses no other
-        clock than these stamps, because an emulated arm has its own time.
+        The newest joint state, None before the first, and the stamp of this joint state [ns]. The
+        stamps are the node's only clock, because an emulated arm has its own time.
     status
         Exit status after `run`.
 
@@ -205,11 +205,11 @@ class StateNode:
         """Process odometry that arrived at time `now` [s]; may raise RejectedInputError."""
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Process a joint state, and call `count_answer` if the node publishes an answer."""
+        """Process a joint state; after publishing an answer to it, call `count_answer`."""
         raise NotImplementedError
 
     def silence(self, silent_for: float) -> float:
-        """Do work while no joint states arrive; return the time until the next call [s].
+        """Handle missing joint states, and return the time until the next call [s].
 
         Parameters
         ----------
@@ -219,10 +219,10 @@ class StateNode:
         return float(self.values.state_timeout)
 
     def leave(self) -> None:
-        """Do work at the end of the node, while the executor still spins."""
+        """Do the last work before the node ends; the executor still spins."""
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Apply a changed live parameter, in the loop's thread; may raise ValueError."""
+        """Apply a live parameter's new value; called in the loop's thread, may raise ValueError."""
 
     def check_parameter(self, name: str, value: Any) -> None:
         """Raise ValueError if a live parameter's new value is invalid; callable from any thread."""
@@ -257,11 +257,11 @@ class StateNode:
         return self.node.create_publisher(topic.type, topic.name, topic.offered)
 
     def since_state_ns(self) -> int:
-        """Return the time since the newest joint state was published, by this host's clock [ns]."""
+        """Return the time since the publication of the newest joint state [ns], in real time."""
         return self._stream.latency_ns()
 
     def count_answer(self, latency_ns: int | None = None) -> None:
-        """Count the newest joint state as answered, with the latency [ns] given or until now."""
+        """Count the newest joint state as answered, with `latency_ns` or the latency until now."""
         self.diagnostics.latency.add(self.since_state_ns() if latency_ns is None else latency_ns)
 
     def reject(self, reason: str) -> None:
@@ -272,7 +272,7 @@ class StateNode:
     # The loop.
 
     def run(self) -> None:
-        """Process joint states until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        """Process joint states until a stop signal or a shutdown of the ROS context."""
         with StopSignals(self._on_stop), BackgroundExecutor(self.node):
             prepare_thread(self.values, self.node.get_logger())
             patience = self.values.state_timeout

@@ -31,7 +31,7 @@ TARGET_PARAMETERS = (
 
 
 def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetFollower:
-    """Create the generator of tool references, which rejects targets beyond the arm's length."""
+    """Create the target follower, which rejects targets beyond the length of the arm."""
     return TargetFollower(
         Kinematics(arm.robot, values.frame),
         values.target_frequency,
@@ -42,7 +42,7 @@ def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetF
 
 
 def _stretched_length(arm: ControlledArm, frame: str) -> float:
-    """Return the length of the stretched arm from the base to the frame [m]."""
+    """Return the length of the stretched arm [m], from the base to the given frame."""
     model, frame = arm.robot.model, arm.robot.full_name(frame)
     offsets = [model.jointPlacements[index].translation for index in range(1, model.njoints)]
     offsets.append(model.frames[model.getFrameId(frame)].placement.translation)
@@ -53,7 +53,7 @@ _POSE_PERIOD = 0.02  # [s]
 
 
 class ToolTopics:
-    """Pass the targets on `tool_trajectory` to a target follower, and publish `tool_pose`.
+    """Pass targets of topic `tool_trajectory` to a target follower, and publish `tool_pose`.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ def read_trajectory(
     now: float,
     staying: npt.NDArray[np.float64] | None = None,
 ) -> tuple[JointTrajectory, float | None]:
-    """Return the trajectory of a message and its start time [s]; None starts it immediately.
+    """Return the trajectory of a message and its start time [s], None for an immediate start.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def read_trajectory(
 
 
 def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
-    """Return the indices of omitted joints; raises RejectedInputError if the names are invalid."""
+    """Return the indices of omitted joints; raises RejectedInputError for invalid joint names."""
     names = list(message.joint_names)
     if not names or len(set(names)) < len(names) or not set(names) <= set(limits.names):
         raise RejectedInputError(
@@ -116,7 +116,8 @@ def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
             if any(counts) and count != len(names):
                 raise RejectedInputError(
                     f'trajectory rejected, because point {index} has {count} {what} for '
-                    f'{len(names)} joints: set {what} of all joints, in all points or in none'
+                    f'{len(names)} joints: in each point, set {what} of all joints, or omit '
+                    f'{what} in all points'
                 )
     return [joint for joint, name in enumerate(limits.names) if name not in names]
 
@@ -126,7 +127,7 @@ def _filled(given: Sequence[float], others: Sequence[float]) -> list[float]:
 
 
 def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: float) -> None:
-    """Move the arm to the joint positions of a set point; raises RejectedInputError."""
+    """Command the joint positions of a set point; raises RejectedInputError."""
     limits: JointLimits = follower.limits
     order = limits.order(list(message.name))
     if len(message.position) != limits.n:
@@ -163,7 +164,7 @@ class TrajectoryController(ControllerNode):
     reaction: ContactReaction
 
     def ahead(self, times: npt.NDArray[np.float64]) -> JointReference | None:
-        """Return the planned motion at times (M,) [s]."""
+        """Return the planned references at times (M,) [s]."""
         return self.follower.ahead(times)
 
     def subscribe(self) -> None:
@@ -180,7 +181,7 @@ class TrajectoryController(ControllerNode):
         self.take_payload()
 
     def read(self, message: TrajectoryMessage, now: float) -> tuple[JointTrajectory, float | None]:
-        """Return the trajectory and the start time of a message, as `read_trajectory`."""
+        """Return a message's trajectory and start time, as the function `read_trajectory` does."""
         staying = self.follower.reference.q if self.values.allow_partial_joints_goal else None
         return read_trajectory(self.follower.limits, message, now, staying)
 
@@ -258,7 +259,7 @@ class TrajectoryAction:
     # In the loop's thread.
 
     def update(self) -> None:
-        """End the goal if the follower's last update reached or aborted it."""
+        """End the goal if the follower has reached or aborted its trajectory."""
         self._end(self._goals.update())
 
     def give_up(self, reason: str) -> None:
@@ -291,7 +292,7 @@ class TrajectoryAction:
             )
         except RejectedInputError as error:
             # joint_trajectory_controller also uses the default tolerances in this case.
-            self._controller.reject(f'{error}; the controller uses the default tolerances instead')
+            self._controller.reject(f'{error}; the controller uses its default tolerances')
             return self._own
 
     def _end(self, ended: list[tuple[Any, GoalResult]]) -> None:

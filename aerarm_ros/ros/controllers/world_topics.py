@@ -1,4 +1,4 @@
-"""Topics of `world_control`: targets, tool pose, remaining reach and planned contact."""
+"""Topics of the node `world_control`: targets, tool pose, remaining reach, planned contact."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _ANY = 0.1  # A shorter quaternion means that no orientation is requested.
 
 
 class WorldTopics:
-    """Pass targets to a `WorldToolReference`, and publish the tool's pose and its reach.
+    """Pass targets to a `WorldToolReference`, and publish the tool's pose and the arm's reach.
 
     This object is an `Attendant` of the controller: it publishes the pose after the command. The
     executor's thread computes the reach at 5 Hz.
@@ -54,7 +54,7 @@ class WorldTopics:
     frame
         Frame of the odometry; empty before the first message.
     margin
-        The last remaining reach of the arm, None while the tool is not held in the world.
+        The last computed remaining reach of the arm, None while world control is not active.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class WorldTopics:
         self._request: DroneRequest | None = None
         if values.request_drone:
             if arm.drone is None:
-                raise ValueError('request_drone needs the drone: set drone_file')
+                raise ValueError('parameter request_drone needs the drone: set drone_file')
             self._request = DroneRequest(
                 Kinematics(arm.robot, values.frame), arm.drone,
                 values.posture or arm.config.rest_position,
@@ -166,13 +166,13 @@ class WorldTopics:
         known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
         return (
             f'{what} rejected, because no node publishes the base pose in frame {frame!r}: send '
-            f'it in {known}'
+            f'the {what} in frame {known}'
         )
 
     # Called by the control loop.
 
     def update(self) -> None:
-        """Publish the tool's pose if it is due, and store the state for the reach."""
+        """Publish the tool's pose if one period has passed, and store the state for the reach."""
         stamp_ns, state = self._controller.stamp_ns, self._controller.state
         self._publish_contact(stamp_ns)
         self._log_contact()
@@ -192,7 +192,7 @@ class WorldTopics:
         self._poses.publish(pose_message(header, place, pose.rotation @ transform[:3, :3]))
 
     def _log_contact(self) -> None:
-        """Log the begin of a contact, and why it ended."""
+        """Log the begin and end of a contact, with the reason of the end."""
         pusher = self._reference.force
         if pusher is None or (pusher.phase, pusher.reason) == self._logged:
             return
@@ -204,7 +204,7 @@ class WorldTopics:
             log.info(f'tool force: {pusher.phase.value}')
 
     def _publish_contact(self, stamp_ns: int) -> None:
-        """Publish the wrench of the planned contact, and for a short time that it has ended."""
+        """Publish the wrench of the planned contact until 0.1 s after the end of the contact."""
         pusher, now, state = self._reference.force, 1e-9 * stamp_ns, self._controller.state
         if pusher is None or state is None:
             return
@@ -224,7 +224,7 @@ class WorldTopics:
         self._contacts.publish(message)
 
     def give_up(self, reason: str) -> None:
-        """Drop the stored reach and the contact while the arm is not controlled."""
+        """Forget the stored reach and end the contact, because the arm is not controlled."""
         self._seen = self.margin = None
         if self._reference.force is not None:
             self._reference.force.reset()
@@ -232,7 +232,7 @@ class WorldTopics:
             self._request.reset()
 
     def destroy(self) -> None:
-        """Do nothing: publishers and subscriptions end with the node."""
+        """Do nothing, because publishers and subscriptions end with the node."""
 
     # In the executor's thread.
 
@@ -254,7 +254,7 @@ class WorldTopics:
 
 
 def pose_message(header: Header, place: Array, rotation: Array) -> PoseStamped:
-    """Return the message of a position (3,) [m] and an orientation (3, 3)."""
+    """Return a pose message with position `place` (3,) [m] and rotation matrix (3, 3)."""
     message = PoseStamped(header=header)
     p, r = message.pose.position, message.pose.orientation
     p.x, p.y, p.z = place.tolist()
@@ -274,13 +274,13 @@ def _rotation(what: str, turn: Array) -> Array | None:
     if not 0.9 < length < 1.1:
         raise RejectedInputError(
             f'{what} rejected, because its quaternion has length {length:.3g} instead of 1: send '
-            'zeros for any orientation'
+            'a unit quaternion, or zeros to permit any orientation'
         )
     return rotation_matrix(turn / length)
 
 
 def _linear(rows: list[object]) -> list[Array] | None:
-    """Return the linear parts of twists, one per point; None if no point has a twist."""
+    """Return the linear part of each point's twist, None if no point has a twist."""
     if not any(len(row) for row in rows):  # type: ignore[arg-type]
         return None
     return [_vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]  # type: ignore

@@ -1,4 +1,4 @@
-"""Messages for a flight controller: set points, trajectories and the arm's load."""
+"""Decoding of a flight controller's messages: set points, trajectories and the arm's load."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, M
 
 
 class ArmTopics:
-    """Pass the messages of `base_reaction` to the feedforward.
+    """Pass the arm's load from the node `base_reaction` to the flight controller's feedforward.
 
     Parameters
     ----------
@@ -89,16 +89,18 @@ class ArmTopics:
 
 
 def to_target(message: PoseStamped, frame: str) -> FlightTarget:
-    """Return the target of a set point in the odometry's frame; raises RejectedInputError."""
+    """Return the flight target of a set point in frame `frame`; raises RejectedInputError."""
     _require_frame('flight_set_point', message.header.frame_id, frame)
     place, turn = _vector(message.pose.position), _quaternion(message.pose.orientation)
     if not np.all(np.isfinite(place)):
-        raise RejectedInputError('flight_set_point: NaN or infinite')
+        raise RejectedInputError(
+            'flight_set_point rejected: its position is NaN or infinite; check its publisher'
+        )
     return FlightTarget(place, _yaw('flight_set_point', turn))
 
 
 def to_path(message: MultiDOFJointTrajectory, frame: str, start: FlightTarget) -> FlightPath:
-    """Return the path of a trajectory of one body; raises RejectedInputError."""
+    """Return the flight path of a trajectory message; raises RejectedInputError."""
     what, points = 'flight_trajectory', message.points
     _require_frame(what, message.header.frame_id, frame)
     if not points or any(len(point.transforms) != 1 for point in points):
@@ -118,7 +120,7 @@ def to_path(message: MultiDOFJointTrajectory, frame: str, start: FlightTarget) -
 
 
 def _linear(rows: list[Any]) -> list[Array] | None:
-    """Return the linear parts of twists, one per point; None if no point has a twist."""
+    """Return the linear part of each point's twist, None if no point has a twist."""
     if not any(len(row) for row in rows):
         return None
     return [_vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]

@@ -158,7 +158,7 @@ FLIGHT_PARAMETERS = (
 
 
 def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProperties) -> FlightLaw:
-    """Return the controller of a drone with its arm, from the values of `FLIGHT_PARAMETERS`.
+    """Return the flight controller of drone and arm for the values of `FLIGHT_PARAMETERS`.
 
     Raises
     ------
@@ -179,8 +179,8 @@ def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProper
             return _px4_firmware(values, drone, body, px4, FlightGains(**gains))
         if drone.is_fully_actuated:
             raise ValueError(
-                "loops 'px4' tilt the drone to accelerate sideways, but this drone has "
-                'tilted rotors for that: choose other loops'
+                "loops 'px4' tilt the drone to accelerate sideways, but this drone's "
+                'tilted rotors accelerate it without tilt: choose other loops'
             )
         return Px4Flight(drone, body, px4, values.tilt_ahead, values.hold_heading)
     if values.loops == ARDUPILOT_SITL:
@@ -232,5 +232,5 @@ def _ardupilot_firmware(
 def arm_feed_forward(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> ArmFeedForward:
-    """Return the arm's feedforward from the values of `FLIGHT_PARAMETERS`."""
+    """Return the feedforward of the arm's load for the values of `FLIGHT_PARAMETERS`."""
     return ArmFeedForward(drone, body, values.feed_posture, values.feed_motion, values.feed_lead)

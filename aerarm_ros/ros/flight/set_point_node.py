@@ -1,4 +1,4 @@
-"""Base class of nodes that add the arm's acceleration to an autopilot's set points."""
+"""Base class of nodes that add accelerations for the arm's motion to an autopilot's set points."""
 
 from __future__ import annotations
 
@@ -74,26 +74,26 @@ FIRMWARE_PARAMETERS = (
 
 
 def ardupilot_loop(values: SimpleNamespace) -> ArduPilotLoop:
-    """Return the gains of ArduCopter's position loop from the values of `FIRMWARE_PARAMETERS`."""
+    """Return ArduCopter's position loop with the gains in the values of `FIRMWARE_PARAMETERS`."""
     return ArduPilotLoop(values.position_p, values.velocity_p, values.velocity_i)
 
 
 def ardupilot_moment_unit(drone: DroneConfig, warn: Callable[[str], object]) -> float:
-    """Return ArduCopter's `moment_unit` [Nm]; warn and return 0 without a frame for the drone."""
+    """Return ArduCopter's unit of moment [Nm]; warn and return 0 if it has no matching frame."""
     try:
         return moment_unit(drone)
     except ValueError as error:
-        warn(f'the tilt ignores inertia and moment: {error}')
+        warn(f'the anticipatory tilt ignores inertia and moment: {error}')
         return 0.0
 
 
 def set_point_acceleration(
     values: SimpleNamespace, torque: float, yaw_gain: float = 0.0
 ) -> SetPointAcceleration:
-    """Return the acceleration for the values of `LOOP_PARAMETERS`.
+    """Return the calculator of set point accelerations for the values of `LOOP_PARAMETERS`.
 
-    `torque` is the autopilot's unit of torque [Nm], 0 if unknown, and `yaw_gain` as in
-    `SetPointAcceleration`.
+    `torque` is the autopilot's unit of torque [Nm], 0 if unknown. `yaw_gain` has the same meaning
+    as in `SetPointAcceleration`.
     """
     return SetPointAcceleration(
         values.attitude_gain, values.rate_gain * torque, values.integral_rate, yaw_gain
@@ -103,7 +103,7 @@ def set_point_acceleration(
 def set_point_parameters(
     set_points: str, output: str, attitude: str, *others: Parameter
 ) -> ParameterTable:
-    """Return the parameters of a set point node: default topics, and additional parameters."""
+    """Return the parameters of a set point node with the given default topics, and `others`."""
     return ParameterTable(
         *ARM_FILES,
         DRONE_FILE,
@@ -124,10 +124,10 @@ def set_point_parameters(
 class SetPointNode:
     """Republish set points with the acceleration for the arm's motion, until they are too old.
 
-    Without an attitude for 0.2 s or without the arm's forecast, set points pass unchanged. The node
-    takes the arm's time from `joint_states`, or else from this computer's clock. The node publishes
-    a warning on /diagnostics if the arm's time is more than 0.2 s ahead, or too late for an
-    acceleration.
+    If no attitude arrives for 0.2 s, or the arm's forecast is missing, the node republishes set
+    points unchanged. The arm's time is that of `joint_states`, or of this computer's clock if no
+    joint states arrive. The node publishes a warning on /diagnostics if the arm's time is more than
+    0.2 s ahead, or too late for an acceleration.
 
     Parameters
     ----------
@@ -180,30 +180,30 @@ class SetPointNode:
     # Methods for each autopilot to override.
 
     def message_types(self) -> tuple[Any, Any]:
-        """Return the message types of set points and attitudes."""
+        """Return the ROS message types of the autopilot's set points and attitudes."""
         raise NotImplementedError
 
     def attitude(self, message: Any) -> Array:
-        """Return a message's attitude (x, y, z, w), forward-left-up in east-north-up."""
+        """Return the attitude in a message: quaternion (x, y, z, w) from FLU body to ENU axes."""
         raise NotImplementedError
 
     def moment_unit(self, drone: DroneConfig) -> float:
-        """Return the roll moment [Nm] of the autopilot's normalized torque 1, 0 if unknown."""
+        """Return the roll moment [Nm] that the autopilot's normalized torque 1 causes, or 0."""
         return float(torque_unit(drone)[0])
 
     def publish(self, set_point: Any, now_ns: int) -> None:
-        """Publish a set point for the autopilot."""
+        """Publish a set point to the autopilot."""
         self._publisher.publish(set_point)
 
     def with_acceleration(self, set_point: Any, acceleration: Array, now_ns: int) -> Any:
-        """Return a set point with an acceleration (3,), east-north-up, added [m/s^2].
+        """Return a copy of a set point with an added acceleration (3,) [m/s^2], east-north-up.
 
         Raises RejectedInputError if the set point accepts no acceleration.
         """
         raise NotImplementedError
 
     def run(self) -> None:
-        """Republish set points until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        """Republish set points until a stop signal or a shutdown of the ROS context."""
         executor = SingleThreadedExecutor()
         executor.add_node(self.node)
         with StopSignals(self._on_stop):
@@ -271,7 +271,7 @@ class SetPointNode:
         ahead, self._ahead = self._ahead, None
         problem = ''
         if now - self._set_point_time > values.set_point_timeout:
-            problem = f'no set points on {values.set_point_topic}, so the node sends none'
+            problem = f'no set points on {values.set_point_topic}, so the node publishes none'
         elif now - self._attitude_time > _ATTITUDE_AGE:
             problem = f'no attitude on {values.attitude_topic}, so the node adds no acceleration'
         elif ahead is not None and (late := time_problem(ahead, values.feed_lead)):
@@ -286,17 +286,20 @@ class SetPointNode:
 
 
 def time_problem(ahead: float, lead: float) -> str:
-    """Return why a forecast of `ahead` [s] is unusable with a preview time `lead` [s]."""
+    """Return why a forecast that ends `ahead` [s] from now is unusable, or an empty string.
+
+    `lead` is the delay [s] that the forecast must cover.
+    """
     if -_CLOCK_TOLERANCE <= ahead < lead - HOLD:
         return (
             f"the arm's forecast is {lead - ahead:.2f} s too short, so the node adds no "
-            'acceleration: set lead of base_reaction above feed_lead, and run fake_hardware with '
-            '-p pace:=real_time'
+            'acceleration: set the parameter lead of base_reaction above feed_lead, and run '
+            'fake_hardware with -p pace:=real_time'
         )
     if abs(ahead) <= _CLOCK_TOLERANCE:
         return ''
     return (
         f"the arm's time is {abs(ahead):.1f} s {'ahead of' if ahead > 0.0 else 'behind'} this "
-        "computer's clock, so the node adds no acceleration. For fake_hardware set -p "
-        'pace:=real_time; for a real arm synchronize the clocks (chrony, PTP)'
+        "computer's clock, so the node adds no acceleration. Start fake_hardware with -p "
+        'pace:=real_time, or synchronize the clocks of a real arm (chrony, PTP)'
     )

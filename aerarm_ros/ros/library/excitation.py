@@ -52,12 +52,12 @@ class PlannedExcitation:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, from base to tool."""
+        """Names of the joints in order, from base to tool."""
         return self._specification.setup.limits.joint_names
 
     @property
     def condition_number(self) -> float:
-        """Condition number of the regressor along the motion, thesis (5.2)."""
+        """Condition number of the regressor along the motion, equation (5.2) of the thesis."""
         return self.result.quality.condition_number
 
     @property
@@ -66,7 +66,7 @@ class PlannedExcitation:
         return self._motion.duration
 
     def sample(self, rate: float = 1000.0) -> tuple[Array, JointReference]:
-        """Sample the complete motion, from rest to rest.
+        """Return samples of the complete motion, from rest to rest.
 
         Parameters
         ----------
@@ -91,7 +91,7 @@ class PlannedExcitation:
         return time, self._motion.evaluate(time)
 
     def summary(self) -> str:
-        """Return a text with the duration, condition number and smallest margin to each limit."""
+        """Return a text with duration, condition number and the smallest margin to each limit."""
         return f'{self._headline()}\n{self.result.report.as_table()}'
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -175,7 +175,7 @@ def plan_excitation(
     Raises
     ------
     ConfigError, DescriptionError, ExcitationError
-        If an input cannot be used, or no motion is feasible; the message states what to check.
+        If an input is invalid, or no motion is feasible; the message states what to check.
     """
     if not (np.isfinite(seconds) and seconds >= 0.0):
         raise ExcitationError(
@@ -193,13 +193,13 @@ def plan_excitation(
     arm = load_arm_config(None if config is None else Path(config)) if known else None
     if lock and (arm is not None or isinstance(urdf, Robot)):
         raise ExcitationError(
-            f'lock = {", ".join(lock)} needs the path of a URDF as urdf, and no config: otherwise '
-            'pass load_robot(urdf, locked=...) as urdf'
+            f'lock = {", ".join(lock)} is possible only if urdf is a path and config is not given: '
+            'pass load_robot(urdf, locked=...) as urdf instead'
         )
     if arm is not None and np.isfinite(acceleration_limit).any():
         raise ExcitationError(
-            'acceleration_limit needs an arm without a file of motors and gears: remove that '
-            'argument'
+            'acceleration_limit is only for an arm without a file of motors and gears: remove the '
+            'argument acceleration_limit or config'
         )
     robot = urdf if isinstance(urdf, Robot) else _robot(urdf, arm, lock)
     folders = tuple(Path(folder) for folder in package_directories)

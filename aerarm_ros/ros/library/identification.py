@@ -49,7 +49,7 @@ class IdentifiedModel:
     Parameters
     ----------
     robot : Robot
-        Arm under the model's gravity; the links of the estimate replace its links.
+        Arm with the gravity of the model. The links of the estimate replace the links of `robot`.
 
     Attributes
     ----------
@@ -65,15 +65,15 @@ class IdentifiedModel:
     def torque(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, is_motion: bool = False
     ) -> Array:
-        """Return the joint torque of the complete model, thesis (3.5): links, rotors, friction.
+        """Return the joint torque of links, rotors and friction, equation (3.5) of the thesis.
 
         Parameters
         ----------
         q, dq, ddq : (n,) or (M, n) array_like
             Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
         is_motion : bool
-            Whether the rows are successive samples of one motion, in which friction may build up
-            after a reversal. By default each row has the friction of steady motion.
+            Whether the rows are successive samples of one motion, so that friction can build up
+            after a reversal. By default the friction of each row is that of steady motion.
 
         Returns
         -------
@@ -138,7 +138,7 @@ class IdentifiedArm:
 
     @property
     def estimate(self) -> Estimate:
-        """Physically consistent parameters of the arm, with standard deviations."""
+        """Estimate of the arm's physically consistent parameters, with standard deviations."""
         return self.result.recommended.estimate
 
     @property
@@ -161,7 +161,7 @@ class IdentifiedArm:
 
     @property
     def errors(self) -> list[BagAssessment]:
-        """Torque errors per bag on the validation data, or else on the identification data."""
+        """Torque errors per validation bag; without validation bags, per identification bag."""
         recommended = self.result.recommended
         return recommended.validation or recommended.identification
 
@@ -171,12 +171,12 @@ class IdentifiedArm:
         return list(self.result.warnings)
 
     def summary(self) -> str:
-        """Return a text with the torque errors of each solver on each bag, and the warnings."""
+        """Return a text with each solver's torque error on each bag, and with the warnings."""
         lines = [terminal_table(self.result, {})]
         return '\n'.join(lines + [f'- {text}' for text in self.warnings])
 
     def as_dict(self) -> dict[str, object]:
-        """Return the content of `summary.json`, with the most important results."""
+        """Return the most important results, as in the file `summary.json` of the identifier."""
         return summarise(self.result, self._seconds, exports=export_errors(self.result))
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
@@ -204,7 +204,7 @@ class IdentifiedArm:
         return (
             f'<IdentifiedArm {self.result.robot.model.name}: torque error {worst.filtered:.2f} % '
             f'filtered, {worst.filtered_measured:.2f} % with only the measured torque filtered, '
-            f'{worst.raw:.2f} % raw, on {worst.bag}>'
+            f'{worst.raw:.2f} % raw, on bag {worst.bag}>'
         )
 
     def _repr_html_(self) -> str:
@@ -217,10 +217,10 @@ class IdentifiedArm:
 
 
 Motion = TableStates
-"""Recorded motion of n joints: names, stamp (M,), position, velocity and effort (M, n)."""
+"""Recorded motion of n joints: names, stamps (M,), and positions, velocities, efforts (M, n)."""
 
 NUMBERED = tuple(f'joint{i}' for i in range(1, 33))
-"""Default joint names for recordings without joint names, from base to tool."""
+"""Joint names, from base to tool, for a recording without joint names."""
 
 
 def read_bag(
@@ -289,13 +289,13 @@ def from_arrays(
     stamp = _numbers('time', time)
     if stamp.ndim != 1:
         raise IdentificationError(
-            f'time has the shape {stamp.shape}: pass (M,), one value per sample'
+            f'time has the shape {stamp.shape}: pass an array (M,), one value per sample'
         )
     position = _numbers('q', q)
     if position.ndim != 2 or len(position) != len(stamp):
         raise IdentificationError(
-            f'q has the shape {position.shape}: pass (M, n) with M = {len(stamp)}, the '
-            'length of time'
+            f'q has the shape {position.shape}: pass an array (M, n) with M = {len(stamp)}, '
+            'the length of time'
         )
     joints = NUMBERED[: position.shape[1]] if names is None else tuple(names)
     if len(joints) != position.shape[1]:
@@ -308,13 +308,14 @@ def from_arrays(
 
 
 def _like(position: Array, word: str, given: npt.ArrayLike | None) -> Array:
-    """Return `given` as an array with the shape of `position` (M, n), filled with NaN if None."""
+    """Return `given` as an array of the shape of `position`; for None, an array of NaN."""
     if given is None:
         return np.full_like(position, np.nan)
     array = _numbers(word, given)
     if array.shape != position.shape:
         raise IdentificationError(
-            f'{word} has the shape {array.shape}: pass {position.shape}, the shape of q'
+            f'{word} has the shape {array.shape}: pass an array with the shape of q, '
+            f'{position.shape}'
         )
     return array
 
@@ -348,7 +349,7 @@ def identify(
     cutoff: float | None = None,
     options: IdentificationOptions | None = None,
 ) -> IdentifiedArm:
-    """Identify an arm from recorded motion, as the command `identifier` does.
+    """Identify an arm from recorded motion, as the executable `identifier` does.
 
     Parameters
     ----------
@@ -367,7 +368,8 @@ def identify(
     rename : mapping, optional
         Name of a joint in the URDF, by its name in the bags.
     lock, ignore : str or sequence of str
-        Joints of the URDF that do not move; joints of the bags that are not in the URDF.
+        `lock`: joints of the URDF that do not move. `ignore`: joints of the bags that are not in
+        the URDF.
     effort_gain : mapping, optional
         Factor that converts a joint's recorded effort to torque [Nm], by joint name.
     gravity : (3,) array_like, optional
@@ -375,7 +377,7 @@ def identify(
     cutoff : float, optional
         Cut-off frequency of the low-pass on torque [Hz]; selected from the data by default.
     options : IdentificationOptions, optional
-        Filters, friction model, solvers, bounds.
+        Settings of filters, friction model, solvers and bounds.
 
     Raises
     ------
@@ -394,7 +396,7 @@ def identify(
     groups = _listed('bags', bags), _listed('validation', validation)
     if not groups[0]:
         raise IdentificationError(
-            'no bag to identify from: pass at least one bag, table or motion as bags'
+            'the argument bags is empty: pass at least one bag, table or motion'
         )
     paths = [[Path(bag) for bag in group if not isinstance(bag, Motion)] for group in groups]
     names = bag_names([*paths[0], *paths[1]])
@@ -421,14 +423,14 @@ def identify(
 
 
 def _listed(word: str, bags: Bag | Iterable[Bag]) -> list[Bag]:
-    """Return one or several bags as a list, or raise IdentificationError for another type."""
+    """Return one or several bags as a list; raises IdentificationError for other objects."""
     one = not isinstance(bags, Iterable) or isinstance(bags, str | os.PathLike | Motion)
     listed: list[Bag] = [bags] if one else list(bags)  # type: ignore[list-item, arg-type]
     for bag in listed:
         if not isinstance(bag, str | os.PathLike | Motion):
             raise IdentificationError(
                 f'{word} contains an object of type {type(bag).__name__}, which is neither a path '
-                'nor a motion: convert arrays with from_arrays(time, q, tau)'
+                'nor a motion: convert arrays to a motion with from_arrays(time, q, tau)'
             )
     return listed
 
@@ -446,8 +448,8 @@ def _robot(
     if isinstance(urdf, Robot):
         if lock:
             raise IdentificationError(
-                f'lock = {", ".join(lock)} needs the path of a URDF as urdf: otherwise pass '
-                'load_robot(urdf, locked=...) as urdf'
+                f'lock = {", ".join(lock)} is possible only if urdf is a path: pass '
+                'load_robot(urdf, locked=...) as urdf instead'
             )
         return urdf if gravity is None else urdf.with_gravity(gravity)
     path = None if urdf is None else Path(urdf)

@@ -1,4 +1,4 @@
-"""Description of a node's parameter: name, type, default, bounds and meaning, without ROS."""
+"""Description of a node's parameter: name, type, default, bounds and meaning; imports no ROS."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ ParameterValue = (
 
 @dataclass(frozen=True)
 class Parameter:
-    """Parameter of a node, with everything that help texts and checks need.
+    """Description of a node's parameter, for help texts and for checks of values.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Parameter:
         return self.kind.endswith('_array')
 
     def heading(self) -> str:
-        """Return a line with name, type, unit, default and bounds, for the help text."""
+        """Return the first line of the help: name, type, unit, default and bounds."""
         kind = self.kind.replace('_array', ' list')
         default = self._default_text()
         details = (
@@ -72,7 +72,7 @@ class Parameter:
         return f'{self.name} ({", ".join(filter(None, details))})'
 
     def adapt(self, value: Any) -> Any:
-        """Convert whole numbers in a value to floats if the parameter has floating-point type."""
+        """Return a value with integers converted to floats, if the parameter is of type double."""
         if self.kind == 'double' and _is_whole(value):
             return float(value)
         if self.kind == 'double_array' and isinstance(value, list):
@@ -80,7 +80,7 @@ class Parameter:
         return value
 
     def problem(self, value: Any) -> str | None:
-        """Return why a value is invalid and which values are valid; None for a valid value."""
+        """Return why a value is invalid, with the valid values; None for a valid value."""
         elements = value if isinstance(value, (list, tuple)) else (value,)
         if self.has_type(value) and all(self._is_allowed(element) for element in elements):
             return None
@@ -117,7 +117,7 @@ class Parameter:
         return '' if self.maximum is None else f'at most {self.maximum}'
 
     def _default_text(self) -> str:
-        """Return the default as on the command line after `NAME:=`; '' for an empty default."""
+        """Return the default as written on the command line, '' for an empty default."""
         if isinstance(self.default, (list, tuple)):
             return f'[{", ".join(map(str, self.default))}]' if self.default else ''
         return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
@@ -159,5 +159,5 @@ def _is_whole(value: Any) -> bool:
 
 
 def grouped(group: str, *parameters: Parameter) -> tuple[Parameter, ...]:
-    """Assign a heading of the help text to parameters that have none, and return all of them."""
+    """Return the parameters with the heading `group`, unless a parameter has another heading."""
     return tuple(item if item.group else replace(item, group=group) for item in parameters)

@@ -27,11 +27,11 @@ Check = Callable[[dict[str, Any]], str]
 
 
 class ParameterError(ValueError):
-    """Error for an invalid value of a parameter at the start of a node."""
+    """A parameter has an invalid value at the start of a node."""
 
 
 class ParameterTable:
-    """Table of all parameters of a node, which declares and checks them.
+    """Table that declares and checks all parameters of a node.
 
     The node rejects an invalid value and states the valid range; it never clamps a value.
     Floating-point parameters accept whole numbers, so `-p rate:=100` equals `-p rate:=100.0`.
@@ -50,7 +50,8 @@ class ParameterTable:
     def __init__(self, *parameters: Parameter) -> None:
         self._parameters = {parameter.name: parameter for parameter in parameters}
         if len(self._parameters) != len(parameters):
-            raise ValueError(f'two parameters have the same name: {[p.name for p in parameters]}')
+            names = [parameter.name for parameter in parameters]
+            raise ValueError(f'two of these parameters have the same name: {names}')
         for parameter in parameters:
             problem = parameter.problem(parameter.default)
             if problem:
@@ -173,7 +174,7 @@ def _ros_type(parameter: Parameter) -> RosParameter.Type:
 
 
 def _use_system_clock(node: Node) -> None:
-    """Switch `use_sim_time` off, because the node's time is that of the joint states' stamps."""
+    """Switch `use_sim_time` off, because the node takes the time from stamps of messages."""
     if node.get_parameter(_SIM_TIME).value:
         node.get_logger().warning(_IGNORED)
         node.set_parameters([RosParameter(_SIM_TIME, value=False)])

@@ -1,4 +1,4 @@
-"""Parameters of several nodes: files of arm and drone, surroundings, and real-time settings."""
+"""Parameters that several nodes share: files, surroundings, and real-time settings."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ SURROUNDINGS = (
 
 
 def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> ExcitationSetup:
-    """Return limits and clearance checks for motions, as the values of `SURROUNDINGS` specify.
+    """Return limits and clearance checks for motions, from the values of `SURROUNDINGS`.
 
     With a `drone_file` the checks ignore the ground, because a flying arm does not reach it.
 
@@ -69,7 +69,7 @@ def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Exci
 
 
 def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
-    """Return configuration and model of the arm that the values of `ARM_FILES` name.
+    """Return configuration and model of the arm, from the files in the values of `ARM_FILES`.
 
     The returned link and joint names have the prefix `tf_prefix`, as on the topics. With a
     `drone_file`, the direction of gravity is that of the level drone, otherwise that of the
@@ -105,7 +105,7 @@ DRONE_FILE = Parameter(
 
 
 def load_drone(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> DroneConfig | None:
-    """Return the drone of the parameter `drone_file`, None if the parameter is empty.
+    """Return the drone in the file `drone_file`, None if this parameter is empty.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Measurements of `motor_bench`: joint states, commands and motor power, and a bag of them."""
+"""Measurements of the node `motor_bench`: joint states, commands and motor power."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _STATES, _POWER = 0, 1
 
 
 class MotorReadings:
-    """Subscribe to current, speed, power and winding resistance of all motors.
+    """Receive and store current, speed, power and winding resistance of all motors.
 
     An executor must spin the node, so that the diagnostics with the resistances arrive.
 
@@ -49,7 +49,7 @@ class MotorReadings:
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
 
     def take(self) -> None:
-        """Read new messages, and store states and power of the same bridge cycle together."""
+        """Read new messages; store motor states and power if they are of the same bridge cycle."""
         for index in (_STATES, _POWER):
             message = self._reader.take_newest(index)
             if message is not None:
@@ -117,7 +117,7 @@ class BenchRecording:
         self._first_ns: int | None = None
 
     def add(self, stamp_ns: int, path_time: float, state: ArmState, command: bytes) -> None:
-        """Store a joint state, the time along the motion [s], and the command for this state."""
+        """Store a joint state, its time along the motion [s], and the command that answers it."""
         if self._first_ns is None:
             self._first_ns = stamp_ns
         time = 1e-9 * (stamp_ns - self._first_ns)
@@ -132,7 +132,7 @@ class BenchRecording:
         self._writer.close()
 
     def runs(self, measurements: list[BenchMeasurement]) -> dict[int, list[MotorRun]]:
-        """Return the samples of each measurement as a test run, by the index of the joint."""
+        """Return the test runs of each joint, by joint index; each measurement is one run."""
         table = np.array(self._rows)
         path_time, time = table[:, 0], table[:, 1]
         q, dq, tau = np.split(table[:, 2:], 3, axis=1)

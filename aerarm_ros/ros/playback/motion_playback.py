@@ -41,7 +41,7 @@ class DampingAccount:
         self._begin = self._end = 0
 
     def note(self, mode: str, now_ns: int) -> None:
-        """Store an arm mode and its reception time [ns]; callable from any thread."""
+        """Store a mode of the arm and its reception time [ns]; callable from any thread."""
         self._modes.append((now_ns, mode))
 
     def begin(self, now_ns: int) -> None:
@@ -54,7 +54,7 @@ class DampingAccount:
 
     @property
     def damped(self) -> tuple[int, float]:
-        """How often, and for how long in total [s], the bridge damped the arm in the motion."""
+        """Number and total duration [s] of the intervals in which the bridge damped the arm."""
         times, total = 0, 0
         modes = sorted(self._modes)
         ends = [when for when, _ in modes[1:]] + [self._end]
@@ -69,13 +69,13 @@ class DampingAccount:
 
     @property
     def share(self) -> float:
-        """Fraction of the motion's duration in which the bridge damped the arm, 0 to 1."""
+        """Fraction of the motion's duration in which the bridge damped the arm (0 to 1)."""
         duration = 1e-9 * (self._end - self._begin)
         return self.damped[1] / duration if duration > 0.0 else 0.0
 
     @property
     def text(self) -> str:
-        """Sentence on how often and how long the bridge damped the arm; '' if it never did."""
+        """Sentence on how often and how long the bridge damped the arm; '' without damping."""
         times, seconds = self.damped
         if not times:
             return ''
@@ -101,7 +101,7 @@ _ADVICE = {
 _DISCOVERY_TIME = 0.5
 _DEPTH = 100  # queue length in messages
 _LISTENERS = {
-    topics.JOINT_COMMAND.name: 'check that the bridge runs, and the recorder if you use it',
+    topics.JOINT_COMMAND.name: 'check that the bridge runs, and the recorder if it is used',
     topics.JOINT_STATES.name: 'check that the recorder runs',
 }
 _ENABLE = "run 'arm enable' (the arm moves)"
@@ -162,7 +162,7 @@ class StartConditions:
             node.create_subscription(topic.type, topic.name, callback, _all_of(topic))
 
     def missing(self) -> list[str]:
-        """Return one phrase for each condition that is not met.
+        """Return one phrase for each start condition that is not met.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class StartConditions:
         for name, count in matched.items():
             if count < self._subscribers:
                 missing.append(
-                    f'{name} has {count} of {self._subscribers} subscribers ({_LISTENERS[name]})'
+                    f'{name} has {count} of {self._subscribers} subscribers: {_LISTENERS[name]}'
                 )
         resolve = self._node.resolve_topic_name
         unrecorded = [name for name in matched if resolve(name) not in self._recorded]
@@ -208,7 +208,7 @@ class StartConditions:
             self._recorded = set(status['matched']) if recording else set()
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             self._node.get_logger().warning(
-                f'recorder_status ignored, because it is invalid ({error}): check its publisher'
+                f'ignored an invalid message on recorder_status ({error}): check its publisher'
             )
 
 
@@ -277,7 +277,9 @@ class MotionPlayback:
         self.states = StateStream(node, joint_names, self._reject, imu=False)
 
     def wait_for_arm(self, timeout: float) -> NDArray[np.float64] | None:
-        """Wait until the arm is ready and at rest; return its posture (n,) [rad], None if stopped.
+        """Wait until the arm is ready and at rest; return its joint positions (n,) [rad].
+
+        The result is None if a stop was requested.
 
         Raises
         ------
@@ -306,7 +308,7 @@ class MotionPlayback:
         return None
 
     def play(self, player: ExcitationPlayer, silence: float, listener: Listener) -> None:
-        """Answer every joint state until the motion has ended or was stopped.
+        """Answer every joint state with a command until the motion has ended or was stopped.
 
         Parameters
         ----------
@@ -348,7 +350,7 @@ class MotionPlayback:
             if not self.stop_asked:
                 raise
             # A signal that stops all nodes also ends the bridge, which does not wait for them.
-            self._logger.info(f'the node stopped while the arm may still move: {error}')
+            self._logger.info(f'the node stopped, but the arm may still move: {error}')
         finally:
             self.damping.end(time.monotonic_ns())
             progress.close()
@@ -385,12 +387,12 @@ class MotionPlayback:
             )
 
     def _is_in_touch(self, stamp_ns: int, silence: float) -> bool:
-        """Return whether to answer a joint state before the motion, and decide on the start.
+        """Return whether to answer a joint state, and decide whether the motion starts now.
 
-        The motion starts when a joint state arrives shortly after an answered one. Before that the
-        player commands the arm to stay. If the motion started earlier, a jump of the stamps would
-        end it: on a busy host the newest joint state after planning may be seconds old, and a first
-        publication may be one second late (docs/decisions.md, 69).
+        The motion starts when a joint state arrives shortly after an answered one. Before the
+        motion, the player commands the arm to stay. If the motion started earlier, a jump of the
+        stamps would end it. On a busy host the newest joint state after planning may be seconds
+        old, and a first publication may be one second late (docs/decisions.md, 69).
         """
         before_ns, self._seen_ns = self._seen_ns, stamp_ns
         self._states_left -= stamp_ns != before_ns
@@ -424,7 +426,7 @@ def _missing_rest(state: ArmState | None) -> list[str]:
     if state is None:
         return ['no joint_states received: check that a bridge runs in this ROS domain']
     if np.abs(state.dq).max() >= RESTING:
-        return [f'the arm moves (a joint is faster than {RESTING} rad/s): wait until it rests']
+        return [f'the arm moves (a joint is faster than {RESTING} rad/s): wait until the arm rests']
     return []
 
 

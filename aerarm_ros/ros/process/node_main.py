@@ -87,7 +87,7 @@ class CommandLine:
         return '\n'.join(lines)
 
     def complete(self) -> None:
-        """Print a shell's completions: the options of ROS, and names of parameters after -p."""
+        """Print completions for the shell: ROS options, and parameter names after -p."""
         parser = argparse.ArgumentParser(prog=self.name)
         parser.add_argument('--ros-args', action='store_true')
         rules = [f'{name}:=' for name in self._parameters]
@@ -96,7 +96,7 @@ class CommandLine:
         complete(parser)
 
     def check(self, arguments: RosArguments) -> list[str]:
-        """Return warnings about probably misspelt names in the command line.
+        """Return warnings about probably misspelt parameter and node names.
 
         Raises
         ------
@@ -114,12 +114,12 @@ class CommandLine:
         return [*filter(None, warnings), *_misnamed_sections(arguments.parameters, node)]
 
     def _judge(self, given: GivenParameter, node: str) -> str:
-        """Check one given parameter: return a warning or an empty string, or raise UsageError."""
+        """Return a warning about a given parameter, or an empty string; raises UsageError."""
         if not given.is_for(node):
             if given.source == '-p':
                 raise UsageError(
                     f'-p {given.node[1:]}:{given.name} sets a parameter of the node '
-                    f'{given.node}, but the name of this node is {node}'
+                    f'{given.node}, but the name of this node is {node}: correct the node name'
                 )
             return ''
         if given.name in self._parameters or given.name in _OF_RCLPY:
@@ -172,7 +172,7 @@ class Runnable(Protocol):
     status: int
 
     def run(self) -> None:
-        """Work until the task is complete or the ROS context is shut down."""
+        """Run the node until its task is complete or the ROS context is shut down."""
 
     def close(self) -> None:
         """Leave the hardware safe and destroy the node; `run_node` always calls it once."""
@@ -187,12 +187,13 @@ def run_node(
 ) -> int:
     """Create a node, run and close it, and return the exit status of the process.
 
-    SIGINT, SIGTERM, SIGHUP, an external shutdown and a request for help return 0. A task that was
-    interrupted before its end returns 130. While the command line is read, an interrupt raises
-    KeyboardInterrupt, because the kind of program is not known yet. An unknown argument or
-    parameter returns 2. Any other problem that a user can solve, such as an invalid parameter value
-    or file, returns 1 (ValueError during creation, OSError at any time). Each such problem is
-    printed as one line on standard error. Any other exception is a defect and keeps its traceback.
+    The exit status is 0 after SIGINT, SIGTERM, SIGHUP, an external shutdown or a request for help.
+    It is 130 if a task was interrupted before its end. While the command line is read, an interrupt
+    raises KeyboardInterrupt, because the kind of program is not known yet. The exit status is 2 for
+    an unknown argument or parameter. It is 1 for any other problem that a user can solve, such as
+    an invalid parameter value or file (ValueError during creation, OSError at any time). Each such
+    problem is printed as one line on standard error. Any other exception is a defect and keeps its
+    traceback.
 
     Parameters
     ----------
@@ -220,10 +221,10 @@ def run_node(
 
 
 class _Interruption:
-    """Convert a stop signal to KeyboardInterrupt, but only in work that may be interrupted.
+    """Convert a stop signal to KeyboardInterrupt, but only during interruptible work.
 
-    Extension modules that a constructor imports would swallow an exception. Inside `close`, an
-    exception would leave half of the work undone.
+    A constructor is not interruptible, because the extension modules that it imports can swallow
+    an exception. `close` is not interruptible either, because it would remain incomplete.
     """
 
     def __init__(self) -> None:
@@ -231,7 +232,7 @@ class _Interruption:
         self._is_permitted = False
 
     def request(self) -> None:
-        """Store a stop signal, and raise KeyboardInterrupt if `during` is running."""
+        """Store a stop signal, and raise KeyboardInterrupt while `during` runs an action."""
         self._is_requested = True
         if self._is_permitted:
             raise KeyboardInterrupt
@@ -292,7 +293,7 @@ def _run_node(
 
 
 def _may_start(name: str) -> bool:
-    """Set environment variables for ROS discovery; print an error and return False if invalid."""
+    """Set environment variables for ROS discovery; if one is invalid, print it, return False."""
     try:
         notice = stay_on_this_host()
     except ValueError as error:
@@ -304,9 +305,9 @@ def _may_start(name: str) -> bool:
 
 
 def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:
-    """Check the command line, or print help or completions; return None to start the node.
+    """Check the command line, or print help or completions.
 
-    Otherwise return the exit status.
+    Return None if the node may start, otherwise the exit status of the process.
     """
     name = command_line.name
     command_line.complete()

@@ -31,8 +31,8 @@ _LOG_CHOICES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')
 def find_log_directory(environment: MutableMapping[str, str] = os.environ) -> None:
     """Select a log directory for ROS if no environment variable selects one.
 
-    Schedulers and service managers start programs without HOME. The directory is that of the user,
-    or a temporary one. To be called before `rclpy.init`.
+    Schedulers and service managers start programs without HOME. The log directory is then in the
+    user's home directory, or temporary. To be called before `rclpy.init`.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def find_log_directory(environment: MutableMapping[str, str] = os.environ) -> No
 
 
 def _home_of_this_user() -> str | None:
-    """Return the home directory in the system's user database, or None if it is not writable."""
+    """Return this user's home directory from the system's user database, None if not writable."""
     try:
         home = getpwuid(os.getuid()).pw_dir
     except KeyError:
@@ -60,9 +60,9 @@ def _home_of_this_user() -> str | None:
 class NodeProcess:
     """Child process that runs an executable of this package.
 
-    The child process ends with this process, even if this process is killed, and with the thread
-    that started it. Ctrl-C does not reach the child, so that this process can end its children in
-    the right order.
+    The child process ends when the thread that started it ends, even if this process is killed.
+    Ctrl-C does not reach the child process, so that this process can end its children in the right
+    order.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class NodeProcess:
 
     @property
     def pid(self) -> int:
-        """Id of the child process."""
+        """Process id of the child process."""
         return self._process.pid
 
     def wait(self, timeout: float | None = None) -> int:
@@ -142,7 +142,7 @@ class NodeProcess:
         return self._process.returncode
 
     def tail(self, lines: int = 15) -> str:
-        """Return the last lines of the log file, at most 64 KiB."""
+        """Return the last `lines` lines of the log file, at most 64 KiB."""
         if not self.log:
             return ''
         with self.log.open('rb') as stream:
@@ -163,7 +163,7 @@ class NodeProcess:
 
 
 def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the environment for a child process, with the variables `extra`."""
+    """Return this process's environment with the variables `extra`, for a child process."""
     environment = {**os.environ, **(extra or {})}
     use_packaged_profile(environment)
     find_log_directory(environment)
@@ -171,7 +171,7 @@ def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
 
 
 def parameter_arguments(parameters: Mapping[str, object]) -> list[str]:
-    """Return the command-line arguments that set these ROS parameters of a node."""
+    """Return the command-line arguments that set the given ROS parameters of a node."""
     arguments = []
     for key, value in parameters.items():
         # ROS accepts several groups of arguments; one group per parameter is readable in `ps`.
@@ -190,7 +190,7 @@ def _as_yaml(value: object) -> str:
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _PEERS = ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
 NETWORK = 'AERARM_NETWORK'
-"""Environment variable; its value `open` permits other hosts to discover the nodes."""
+"""Environment variable whose value `open` lets other hosts discover the nodes."""
 _OPEN = 'open'
 
 
@@ -198,7 +198,7 @@ def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str
     """Restrict ROS discovery to this host, unless AERARM_NETWORK is `open`.
 
     A socket that sends to a radio blocks the bridge's cycle once the radio's queue is full. The
-    1 kHz topics therefore always use shared memory and the loopback interface. `ground_link`
+    1 kHz topics therefore use only shared memory and the loopback interface. The node `ground_link`
     connects to other hosts. To be called before `rclpy.init`.
 
     Returns
@@ -231,7 +231,7 @@ def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str
         return ''
     return (
         f'ignoring {", ".join(ignored)}: nodes communicate on this host only, because a slow '
-        "network would block the bridge's cycle. Use ground_link between hosts, or set "
+        "network would block the bridge's cycle. To connect hosts, use ground_link, or set "
         f'{NETWORK}={_OPEN}'
     )
 
@@ -250,11 +250,10 @@ _PARTICIPANTS = 20  # discovery ports of a domain that are tried
 
 
 def is_domain_free(domain: int) -> bool:
-    """Return whether no node on this host uses a ROS domain.
+    """Return whether no node on this host uses the ROS domain `domain` (0 to 101).
 
-    `domain` is a domain id of 0 to 101. Each of the first participants in a domain binds its own
-    discovery port (RTPS 2.2, 9.6.1.1). The first participant may have ended before the others, so
-    the function tries 20 ports.
+    Each of the first participants in a domain binds its own discovery port (RTPS 2.2, 9.6.1.1). The
+    first participant may have ended before the others, so the function tries 20 ports.
     """
     for participant in range(_PARTICIPANTS):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

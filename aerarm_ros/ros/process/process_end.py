@@ -39,12 +39,12 @@ def print_error(name: str, error: object) -> None:
 
 
 def print_notice(name: str, notice: str) -> None:
-    """Print progress on standard error, without failing if that stream is closed."""
+    """Print a notice on standard error; a closed stream is no error."""
     _print(f'{name}: {notice}', sys.stderr)
 
 
 def print_answer(answer: str) -> None:
-    """Print a result on standard output, without failing if that stream is closed."""
+    """Print a result on standard output; a closed stream is no error."""
     _print(answer, sys.stdout)
 
 
@@ -67,7 +67,7 @@ class _Value(ctypes.Union):
 
 
 class _Event(ctypes.Structure):
-    """C structure `sigevent` of <bits/types/sigevent_t.h>, with its full size."""
+    """C structure `sigevent` of <bits/types/sigevent_t.h>, padded to its full size."""
 
     _fields_ = (
         ('value', _Value),
@@ -86,10 +86,10 @@ class _Times(ctypes.Structure):
 
 
 class ExitLimit:
-    """Context that ends the process by `_exit` once it has used too much processor time.
+    """Context that ends the process by `_exit` if the context uses too much processor time.
 
-    The thread gives up its real-time priority, because other threads could not interrupt it at
-    that priority. On a system without this timer there is no limit.
+    The entering thread gives up its real-time priority, because other threads could not interrupt
+    the thread at that priority. With a C library before glibc 2.34 there is no limit.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class _Request:
 
 
 class StopSignals:
-    """Context in which the first signal to end the process calls a function.
+    """Context in which the first signal that would end the process calls a function.
 
     A second SIGINT, SIGTERM or SIGQUIT, one second or more after the first, ends the process. A
     second SIGHUP does not end the process, because a closing terminal sends SIGHUP more than once.
@@ -183,8 +183,8 @@ class StopSignals:
     stays_awake
         True for a process that Ctrl-Z must not stop, because its boards would let the arm fall.
     is_last
-        True if no work follows the context. Afterwards all these signals are ignored, as by
-        `ignore`, so that a late signal cannot end the process.
+        True if no work follows the context. After the context, the process ignores all signals that
+        would end it, as after a call of `ignore`.
     """
 
     _innermost: ClassVar[StopSignals | None] = None
@@ -225,16 +225,16 @@ class StopSignals:
 
     @staticmethod
     def ignore() -> None:
-        """Ignore all signals to end the process, because it is about to end.
+        """Ignore all signals that would end the process, because the process ends anyway.
 
-        Python removes its handlers during its end, and a late signal would then cause a failure
-        status.
+        Python removes its handlers when it ends, and a late signal would then cause an exit status
+        of failure.
         """
         for number in (*_REQUESTS, *_ENDING):
             signal.signal(number, signal.SIG_IGN)
 
     def _may_take(self, number: int) -> bool:
-        """Return whether no other code ignores or handles a signal."""
+        """Return whether this class may handle a signal, because no other code does."""
         handler = signal.getsignal(number)
         if number == signal.SIGHUP:
             return handler is not signal.SIG_IGN
@@ -269,7 +269,7 @@ LAUNCH_PID = 'AERARM_ROS_LAUNCH_PID'
 
 
 def die_with_parent(parent: int) -> None:
-    """Configure Linux to send this process SIGTERM when the thread that started it ends.
+    """Make Linux send SIGTERM to this process when the thread that started the process ends.
 
     Parameters
     ----------
@@ -291,11 +291,11 @@ def die_with_parent(parent: int) -> None:
 
 
 def die_with_launch() -> None:
-    """Configure Linux to send this process SIGTERM when the ROS launch that started it ends.
+    """Make Linux send SIGTERM to this process when its `ros2 launch` ends.
 
     Launch can end before its processes: by an exception during start, by SIGTERM or SIGQUIT, or if
-    it is killed. Without the environment variable `LAUNCH_PID` this function does nothing. It does
-    nothing in a grandchild of launch either, because that belongs to its own parent.
+    it is killed. Without the environment variable `LAUNCH_PID` this function does nothing. It also
+    does nothing in a grandchild of launch, because a grandchild ends with its own parent.
 
     Raises
     ------
@@ -318,15 +318,15 @@ _AGAIN = 1.0  # [s] longer than the removal of unfinished files takes
 
 
 def run_offline(name: str, run: Callable[[], int]) -> int:
-    """Run a program without a node, with clean handling of interrupts; return its exit status.
+    """Run a program without a node, handle interrupts, and return the exit status.
 
     Parameters
     ----------
     name : str
         Name of the program, for messages.
     run : callable
-        Function to run. An interrupt raises KeyboardInterrupt in it, even if the shell has
-        configured the process to ignore interrupts.
+        Function to run. An interrupt raises KeyboardInterrupt in the function, even if the shell
+        has configured the process to ignore interrupts.
     """
     interrupt = _Interrupt()
     # A shell that starts this program in the background has SIGINT ignored, so set it too.
@@ -351,7 +351,7 @@ def without_ros_arguments(arguments: Sequence[str] | None) -> list[str]:
 
 
 class _Interrupt:
-    """Signal handler that raises KeyboardInterrupt at the first signal and ignores further ones."""
+    """Signal handler that raises KeyboardInterrupt for the first signal and ignores later ones."""
 
     def __init__(self) -> None:
         self._is_interrupted = False
@@ -370,7 +370,7 @@ _INTERVAL_NS = 100_000_000  # [ns] between two updates on a terminal
 
 
 class ProgressLine:
-    """Show a program's progress: one updated line on a terminal, else one line per phase.
+    """Show a program's progress: one updated line on a terminal, one line per phase in a file.
 
     Parameters
     ----------
@@ -387,7 +387,7 @@ class ProgressLine:
         self._width = 0
 
     def due(self, now_ns: int, phase: str = '') -> bool:
-        """Return whether the last line is old enough to show another at `now_ns` [ns]."""
+        """Return whether to show a new line at the time `now_ns` [ns]."""
         if phase == self._phase and not (self._terminal and now_ns >= self._due_ns):
             return False
         self._phase = phase
@@ -395,7 +395,7 @@ class ProgressLine:
         return True
 
     def show(self, text: str) -> None:
-        """Replace the line on the terminal by `text`, or write `text` to another stream."""
+        """Replace the line on the terminal by `text`; in another stream, append a line."""
         line = f'{self._name}: {text}'
         if self._terminal:
             self._stream.write('\r' + line.ljust(self._width))
@@ -405,7 +405,7 @@ class ProgressLine:
         self._stream.flush()
 
     def close(self) -> None:
-        """Write a final line break on a terminal."""
+        """End the line on a terminal with a line break."""
         if self._terminal and self._width:
             self._stream.write('\n')
             self._stream.flush()

@@ -1,4 +1,4 @@
-"""Parser for the ROS arguments in a command line; imports no ROS."""
+"""Parser for the ROS arguments in a command line; this module imports no ROS."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Argument parser that prints an error as one line, which points to --help.
+    """Argument parser that prints an error as one line with a reference to --help.
 
     The parser also prints completions if a shell requests them.
     """
@@ -37,7 +37,7 @@ class OneLineParser(argparse.ArgumentParser):
     def parse_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> argparse.Namespace:
-        """Parse arguments; see argparse."""
+        """Parse arguments as `argparse.ArgumentParser.parse_args` does."""
         complete(self)
         return super().parse_args(args, namespace)
 
@@ -54,7 +54,7 @@ ANY_NODE = '/**'
 
 
 class _Untagged(LOADER):  # type: ignore[misc]
-    """YAML loader that ignores tags, because ROS's launch writes `!!python/tuple`."""
+    """YAML loader that ignores tags, because ROS launch writes the tag `!!python/tuple`."""
 
 
 def _without_tag(loader: yaml.SafeLoader, _: str, node: yaml.Node) -> object:
@@ -80,7 +80,7 @@ class GivenParameter:
     Attributes
     ----------
     node
-        Full name of its node, or a pattern: ``*`` is one name, ``**`` any number of names.
+        Full name of the node, or a pattern: ``*`` is one name, ``**`` any number of names.
     name
         Name of the parameter.
     source
@@ -93,7 +93,7 @@ class GivenParameter:
 
     @property
     def is_for_any_node(self) -> bool:
-        """Whether a parameter file sets the parameter for nodes of any name."""
+        """Whether a parameter file sets the parameter for all nodes, whatever their names."""
         return self.node.endswith('*') and self.source not in PARAMETER
 
     def is_for(self, node: str) -> bool:
@@ -138,13 +138,13 @@ class RosArguments:
                 self.parameters += _parameters_of_file(value)
 
     def full_name(self, name: str) -> str:
-        """Return a node's name with its namespace, after the remappings of the command line."""
+        """Return a node's full name after the remappings of the command line."""
         namespace = self._remapped('__ns', name) or '/'
         base = self._remapped('__node', name) or self._remapped('__name', name) or name
         return f'{namespace.rstrip("/")}/{base}'
 
     def _remapped(self, what: str, node: str) -> str:
-        """Return the value of the first rule that remaps `what` for the node; empty if none."""
+        """Return the new value of `what` for a node by the first matching rule, '' without one."""
         for rule in self._remaps:
             left, _, value = rule.partition(':=')
             if left in (what, f'{node}:{what}'):
@@ -153,7 +153,7 @@ class RosArguments:
 
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[tuple[str, str]]]:
-    """Return the plain arguments, and pairs of each ROS argument and the argument after it."""
+    """Return the plain arguments, and each ROS argument paired with the argument after it."""
     plain: list[str] = []
     options: list[tuple[str, str]] = []
     is_ros = False
@@ -170,7 +170,7 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[tuple[str, str]]]:
 
 
 def _parameter_of_rule(rule: str) -> GivenParameter:
-    """Parse a rule of the form [NODE:]NAME:=VALUE."""
+    """Return the parameter that a rule of the form [NODE:]NAME:=VALUE sets."""
     left, separator, value = rule.partition(':=')
     if not separator:
         raise UsageError(f'-p {rule} is invalid: write -p NAME:=VALUE')
@@ -180,7 +180,7 @@ def _parameter_of_rule(rule: str) -> GivenParameter:
 
 
 def _check_value(rule: str, left: str, value: str) -> None:
-    """Raise a short UsageError for a value that rcl cannot read."""
+    """Raise a UsageError for a value that rcl, the ROS client library, cannot read."""
     if not value:
         raise UsageError(
             f'-p {rule} has no value: write -p {left}:=VALUE, or -p {left}:="\'\'" for an empty '
@@ -192,8 +192,8 @@ def _check_value(rule: str, left: str, value: str) -> None:
         is_read = False
     if not is_read:
         raise UsageError(
-            f"-p {rule} has no valid value: use 2.5, true, '[1.0, 2.0]' or a string. A string "
-            f'with YAML special characters needs two pairs of quotes: -p {left}:="\'TEXT\'"'
+            f"-p {rule} has no valid value: write a value such as 2.5, true, '[1.0, 2.0]' or text. "
+            f'Text with YAML special characters needs two pairs of quotes: -p {left}:="\'TEXT\'"'
         )
 
 
@@ -214,7 +214,7 @@ def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
 
 
 def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
-    """Yield each node's full name in a parameter file, and the content of its ros__parameters."""
+    """Yield each node's full name in a parameter file, and its section ros__parameters."""
     if not isinstance(content, Mapping):
         raise UsageError(
             f"'{node.lstrip('/')}' in parameter file {file} is outside of any section "
@@ -228,7 +228,7 @@ def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
 
 
 def _leaves(values: Any, prefix: str = '') -> Iterator[str]:
-    """Yield the full names of nested parameters, with dots between group and parameter."""
+    """Yield the full names of nested parameters, such as `group.name`."""
     for key, value in values.items() if isinstance(values, Mapping) else ():
         if isinstance(value, Mapping):
             yield from _leaves(value, f'{prefix}{key}.')

@@ -21,7 +21,7 @@ import threading
 from pathlib import Path
 
 WAIT_MS = 10
-"""Value of `port_wait_timeout_ms` that `PortWatch` writes into each port [ms]."""
+"""Wait time that `PortWatch` writes to `port_wait_timeout_ms` of each Fast DDS port [ms]."""
 
 _FOLDER = Path('/dev/shm')
 _NAME = re.compile(r'fastrtps_port(\d+)')
@@ -34,7 +34,7 @@ _POLL = 0.2  # [s]
 
 
 def shorten_wait(path: Path) -> bool:
-    """Shorten the wait time in the file of a Fast DDS port; return False if it is incomplete.
+    """Shorten the wait time in a Fast DDS port's file; return False if the file is incomplete.
 
     A file with another layout stays unchanged.
 
@@ -61,9 +61,9 @@ def shorten_wait(path: Path) -> bool:
 
 
 class PortWatch:
-    """Context in which a thread prevents long waits of Fast DDS at new ports of this host.
+    """Context in which a thread shortens the wait times of new Fast DDS ports on this host.
 
-    Without inotify, that is on other systems than Linux, the context does nothing.
+    On systems other than Linux, which lack inotify, the context does nothing.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Clock with the time of the joint states' stamps, for nodes that act between joint states."""
+"""Clock with the time of the joint states' stamps, for nodes that work between joint states."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _SILENCE = 1.0
 
 
 class ArmClock:
-    """Clock that continues the stamps of `joint_states`; use an instance in one thread at a time.
+    """Clock that extrapolates the stamps of `joint_states`; use each instance in one thread only.
 
     Without joint states this clock returns the system time. If the system clock is set while the
-    motors are on, the stamps do not follow, and differ from the system time by this step.
+    motors are on, the stamps do not follow the step, and differ from the system time.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class ArmClock:
         self._clock = SteadyClock(self._newest_ns)
 
     def now_ns(self) -> int:
-        """Return the time [ns since the epoch]."""
+        """Return the present time of the arm [ns since the epoch]."""
         return self._clock.now_ns()
 
     def destroy(self) -> None:
@@ -60,9 +60,9 @@ class ArmClock:
 
 
 def monotonic_ns(system_ns: int) -> int:
-    """Convert a time of the last second from the system clock to the monotonic clock [ns].
+    """Convert a system time of the last second to a time on the monotonic clock [ns].
 
-    If the system clock was set since then, return the present time.
+    If the system clock was set in the meantime, return the present time.
     """
     age_ns = time.time_ns() - system_ns
     return time.monotonic_ns() - (age_ns if 0 <= age_ns < 1e9 * _SILENCE else 0)

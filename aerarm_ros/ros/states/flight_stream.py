@@ -1,4 +1,4 @@
-"""Subscriptions to rotor commands, odometry and IMU, for a loop that reads serialized messages."""
+"""Subscriptions to rotor commands, odometry and IMU, whose messages a loop reads serialized."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from aerarm_ros.ros.states.state_stream import Answers, decoded_odometry, to_imu
 
 
 class RotorCommands:
-    """Subscribe to `rotor_command`, and return the thrusts in the order of the drone's rotors.
+    """Read thrusts from `rotor_command`, in the order of the drone's rotors.
 
     Parameters
     ----------
@@ -62,8 +62,8 @@ class RotorCommands:
         if sorted(names) != sorted(self._names):
             raise ValueError(
                 f'the message contains the rotors {", ".join(names) or "without names"}, but the '
-                f'drone of drone_file has {", ".join(self._names)}: use the same drone_file for '
-                'this node and the flight controller'
+                f'drone of drone_file has the rotors {", ".join(self._names)}: use the same '
+                'drone_file for this node and the flight controller'
             )
         if sample.effort is None:
             raise ValueError(
@@ -79,7 +79,7 @@ _ODOMETRY, _IMU = 0, 1
 
 
 class FlightStream:
-    """Wait for odometry and IMU messages of a drone.
+    """Receive odometry and IMU messages of a drone.
 
     Parameters
     ----------
@@ -93,18 +93,18 @@ class FlightStream:
         self._reader = RawReader(node, topics.ODOMETRY, topics.IMU)
         self._reject = reject
         self.answers = Answers()
-        """Messages published in answer to odometry; they are re-sent if the odometry is re-sent."""
+        """Messages that answer the odometry; they are re-sent if the odometry is re-sent."""
         self.frame = ''
-        """Frame of the poses in the odometry, '' before the first message."""
+        """Name of the frame of the poses in the odometry, '' before the first message."""
 
     def wait(self, timeout: float) -> bool:
-        """Wait at most `timeout` [s] for a message; a stop signal ends the wait with False."""
+        """Wait up to `timeout` [s] for a message; return False after a time-out or stop signal."""
         return self._reader.wait(timeout)
 
     def newest_odometry(self) -> tuple[int, OdometrySample | None] | None:
-        """Return stamp [ns] and sample of the newest unread odometry, or None without a message.
+        """Return stamp [ns] and sample of the newest unread odometry, None without a message.
 
-        If the content is invalid, the sample is None, and the rejection is reported.
+        For invalid content, the method reports the rejection and returns None as sample.
         """
         raw = self._reader.take_newest(_ODOMETRY)
         if raw is None:
@@ -117,7 +117,7 @@ class FlightStream:
         return checked_odometry(message, self._reject)
 
     def imu_samples(self) -> list[ImuSample]:
-        """Return all unread IMU samples; faulty samples are rejected."""
+        """Return all unread IMU samples, and report and skip invalid samples."""
         samples = []
         while (raw := self._reader.take(_IMU)) is not None:
             try:
@@ -136,7 +136,7 @@ class FlightStream:
 def checked_odometry(
     message: Odometry, reject: Callable[[str], None]
 ) -> tuple[int, OdometrySample | None]:
-    """Return stamp [ns] and sample of an odometry message; None instead of an invalid sample."""
+    """Return stamp [ns] and sample of an odometry message; an invalid sample is None."""
     stamp = message.header.stamp
     stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
     try:

@@ -23,7 +23,9 @@ _SILENCE = 'no joint states received: check that the bridge runs'
 
 
 class StateDiagnostics:
-    """Publish the status of one node on /diagnostics; the real-time loop only updates numbers.
+    """Publish the status of one node on /diagnostics, once per second.
+
+    The executor's thread publishes. The real-time loop only updates numbers.
 
     Parameters
     ----------
@@ -83,7 +85,7 @@ class StateDiagnostics:
         self._rejected_at = time.monotonic()
 
     def account(self) -> str:
-        """Return a summary of answered joint states, rejections and latency, for the log."""
+        """Return a log line that summarizes answered joint states, rejections and latency."""
         latency, skipped = self.latency.summary(), self._skipped()
         rejected = f'{self.rejections} inputs rejected'
         if not latency.count:
@@ -97,7 +99,7 @@ class StateDiagnostics:
         )
 
     def publish(self) -> None:
-        """Publish the status."""
+        """Publish the node's status."""
         self._output.report(self._problem(), self._all_values())
 
     def _problem(self) -> str:
@@ -114,7 +116,7 @@ class StateDiagnostics:
         return self._sources.problem() or self._clocks() or self._warning()
 
     def _clocks(self) -> str:
-        """Return a warning if the clocks of two hosts differ, otherwise an empty string."""
+        """Return a warning if this host's clock differs from the bridge's, or an empty string."""
         latency = self.latency.summary()
         if not latency.count or (latency.p50 >= 0.0 and latency.p50 < _LATENCY_MAX):
             return ''

@@ -1,4 +1,4 @@
-"""Read joint states, IMU samples, odometry and rotor commands from serialized messages."""
+"""Reading of joint states, IMU samples, odometry and rotor commands as serialized messages."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Answers:
         self._kept: dict[Publisher, Any] = {}
 
     def begin(self, state: bytes) -> bool:
-        """Store a serialized joint state; return whether it is a copy of the previous one."""
+        """Store a joint state (serialized); return whether it equals the previous joint state."""
         self._is_resent = state == self.state
         if self._is_resent:
             self.count += 1
@@ -70,7 +70,7 @@ class Answers:
         return self._is_resent
 
     def publish(self, publisher: Publisher, message: Any) -> None:
-        """Publish a message, serialized or not, in answer to the newest joint state."""
+        """Publish a message as answer to the newest joint state, and store it for `again`."""
         publisher.publish(message)
         self._kept[publisher] = message
         self._is_answered = True
@@ -78,7 +78,7 @@ class Answers:
     def again(self) -> bool:
         """Republish the last answers if the newest joint state is re-sent and already answered.
 
-        Return whether the answers were republished. Then the joint state needs no processing.
+        Return whether the answers were republished; if so, the joint state needs no processing.
         """
         if not (self._is_resent and self._is_answered):
             return False
@@ -93,7 +93,7 @@ class Answers:
 
     @property
     def is_resent(self) -> bool:
-        """Whether the newest joint state is a copy of the previous one."""
+        """Whether the newest joint state is a copy of the previous joint state."""
         return self._is_resent
 
     @property
@@ -133,7 +133,7 @@ _COUNT_PERIOD = 1.0  # [s]
 
 
 class StateSampler:
-    """Read the newest message of a JointState topic, and skip older messages without decoding.
+    """Read the newest message of a JointState topic, without decoding older messages.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ class StateSampler:
         return state if self._may_be_partial or not self.unknown else None
 
     def frequency(self, now: float) -> float:
-        """Return the rate of the publisher over the last second [Hz], lost messages included.
+        """Return the publishing rate over the last second [Hz], including lost messages.
 
         Parameters
         ----------
@@ -213,7 +213,7 @@ _STATES = 0  # index among the topics
 
 
 class StateStream:
-    """Wait for joint states and, if requested, for IMU samples, odometry and rotor commands.
+    """Receive joint states and, if requested, IMU samples, odometry and rotor commands.
 
     Attributes
     ----------
@@ -281,20 +281,20 @@ class StateStream:
 
     @property
     def lost(self) -> int | None:
-        """Number of joint states lost since `begin_count`, None if the middleware cannot count."""
+        """Number of joint states lost since `begin_count`, None if the middleware has no count."""
         lost = self._reader.lost(_STATES)
         return None if lost is None else lost - self._lost_before
 
     def begin_count(self) -> None:
-        """Restart the count of lost joint states at zero."""
+        """Set the number of lost joint states to zero."""
         self._lost_before = self._reader.lost(_STATES) or 0
 
     def wait(self, timeout: float) -> bool:
-        """Wait at most `timeout` [s] for a message; a stop signal ends the wait with False."""
+        """Wait up to `timeout` [s] for a message; return False after a time-out or stop signal."""
         return self._reader.wait(timeout)
 
     def newest_state(self) -> tuple[int, ArmState] | None:
-        """Return stamp [ns] and content of the newest joint state, or None without a message.
+        """Return stamp [ns] and content of the newest joint state, None without a valid message.
 
         With a queue (`depth` above 1), return the oldest unread joint state.
         """
@@ -320,17 +320,17 @@ class StateStream:
         return sample.stamp_ns, ArmState(q, dq, self._no_effort if tau is None else tau)
 
     def latency_ns(self) -> int:
-        """Return the time since the newest joint state was published, by this host's clock [ns].
+        """Return the time since the publication of the newest joint state [ns], in real time.
 
-        The stamps do not give this latency, because an emulated arm stamps in simulation time.
+        The stamps are not suitable, because the stamps of an emulated arm are in simulation time.
         """
         return time.time_ns() - self._published_ns
 
     def imu_samples(self) -> list[tuple[ImuSample, int]]:
-        """Return each unread IMU sample, with the time until the newest joint state arrived [ns].
+        """Return unread IMU samples, each with its arrival time before the newest joint state [ns].
 
-        The time is negative if the sample arrived after the joint state. Faulty samples are
-        rejected.
+        The time is negative if the sample arrived after the newest joint state. The method reports
+        and skips invalid samples.
         """
         samples: list[tuple[ImuSample, int]] = []
         if self._imu_place is None:
@@ -389,7 +389,7 @@ class StateStream:
         self._reader.destroy()
 
     def _decode(self, payload: bytes) -> JointSample | None:
-        """Decode a joint state whose joints have another order than expected."""
+        """Decode a joint state whose joints are in another order than `names`."""
         try:
             names, sample = decode_joint_state(payload)
             return in_order(names, sample, self._names)
@@ -402,7 +402,7 @@ class StateStream:
 
 
 def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry | None:
-    """Decode a serialized odometry message; for an invalid message report it and return None."""
+    """Decode a serialized odometry message; report an invalid message and return None."""
     try:
         return deserialize_message(payload, Odometry)
     except RuntimeError as error:  # RMWError: not a valid message

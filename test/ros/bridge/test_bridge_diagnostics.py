@@ -96,7 +96,8 @@ def test_an_active_bridge_reports_once_a_second_and_only_from_its_cycle(listener
     timing = listener.messages[-1].status[2]
     assert timing.level == DiagnosticStatus.WARN
     assert (
-        'the stamps are 2000 ms ahead of the system clock, because this clock was set'
+        'the stamps of joint_states are 2000 ms ahead of the system clock, because the system '
+        'clock was set'
     ) in timing.message
     assert any(v.value == '-2000.0' for v in timing.values)
     before += 1

@@ -136,4 +136,4 @@ def test_missing_control_msgs_is_reported(tmp_path: Path, ros_node: Node) -> Non
             bench.wait(lambda: bench.mode == 'running', 'commands')
             said = process.tail(50)
     assert 'control_msgs is not installed, so the action ~/follow_joint_trajectory' in said
-    assert 'control starts at the posture joint1 ' in process.tail(50)
+    assert 'control starts at the joint positions joint1 ' in process.tail(50)

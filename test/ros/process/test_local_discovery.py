@@ -73,9 +73,9 @@ def test_environments_restricted_to_this_host_are_recognized(
 @pytest.mark.parametrize(
     ('network', 'where'),
     [
-        ('', 'this host only; ground_link connects hosts'),
+        ('', 'on this host only; ground_link connects hosts'),
         # For example with ROS_STATIC_PEERS on the ground alone.
-        ('open', 'other hosts only if AERARM_NETWORK=open is set there too'),
+        ('open', 'with all hosts on which AERARM_NETWORK=open is set'),
     ],
 )
 def test_messages_about_missing_nodes_say_which_hosts_were_searched(
