@@ -1,4 +1,4 @@
-"""Calibrate an arm's geometry, its mount and the drone's IMU from recorded measurements.
+"""Calibrate an arm's geometry, or the poses of arm and IMU on a drone, from recordings.
 
 The calibrator reads tables and bags of any serial arm and needs no running ROS. It writes
 calibrated.urdf, calibration.yaml, arm.yaml, summary.json and report.html; with --mount it writes
@@ -35,7 +35,8 @@ _OPTIONS: tuple[Option, ...] = (
         'arm configuration to which to add the estimated joint offsets, for example '
         'config/aerarm.yaml (default: the packaged file; with --urdf none)'),
     ('--link', {'default': '', 'metavar': 'NAME'},
-        'link that carries the markers (default: the link after the last recorded joint)'),
+        'link to which the markers are attached (default: the link after the last recorded '
+        'joint)'),
     ('--level', {'choices': ('auto', 'frames', 'offsets', 'geometry'), 'default': 'auto'},
         'errors to estimate. frames: only the poses of the sensors; offsets: also joint offsets; '
         'geometry: also link geometry; auto (default): the best level in a cross-validation'),
@@ -51,7 +52,7 @@ _OPTIONS: tuple[Option, ...] = (
         "the markers are measured in the frame of the URDF's base link (default: in an unknown "
         'frame)'),
     ('--eye-in-hand', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'names of poses that a camera on the arm measures of a fixed object'),
+        'names of recorded poses of a fixed object, measured by a camera on the arm'),
     ('--length-unit', {'choices': ('m', 'cm', 'mm'), 'default': ''},
         'unit of lengths in columns whose name states no unit (default: m)'),
     ('--degrees', {'action': 'store_true'},
@@ -70,7 +71,8 @@ _OPTIONS: tuple[Option, ...] = (
         'topic of the joint states in the bags (default: %(default)s)'),
     ('--sensors', {'nargs': '+', 'default': [], 'metavar': 'TOPIC'},
         'topics of markers and poses in the bags, of type PointStamped, PoseStamped, '
-        'TransformStamped or TFMessage (default: all such topics of other programs)'),
+        'TransformStamped or TFMessage (default: all topics of these types that programs outside '
+        'this suite publish)'),
     ('--frames', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
         'child frames to use from TFMessage topics (default: all except the links of the URDF)'),
     ('--mount', {'action': 'store_true'},
@@ -79,7 +81,8 @@ _OPTIONS: tuple[Option, ...] = (
     ('--drone', {'type': Path, 'metavar': 'FILE'},
         'drone file with the nominal poses for --mount (default: the packaged drone.yaml)'),
     ('--drone-pose', {'default': '/odometry', 'metavar': 'NAME'},
-        "topic of the drone's pose for --mount: Odometry or PoseStamped (default: %(default)s)"),
+        "topic with the drone's pose for --mount, of type Odometry or PoseStamped (default: "
+        '%(default)s)'),
     ('--imu', {'default': '/imu', 'metavar': 'NAME'},
         'topic of the IMU for --mount (default: %(default)s)'),
     ('--out', {'type': Path, 'metavar': 'DIR'},
@@ -96,7 +99,7 @@ _NAME = 'calibrator'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the calibrator; return 0, or 2 if the user must check an input."""
+    """Run the calibrator; return 0, or 2 for an invalid input."""
     parser = calibrator_parser(_NAME, __doc__)
     options = parser.parse_args(without_ros_arguments(arguments))
     if not options.bag:
@@ -128,7 +131,11 @@ def _run(options: argparse.Namespace) -> int:
         print_error(_NAME, error)
         return USER_ERROR
     except np.linalg.LinAlgError as error:
-        print_error(_NAME, f'{error}: check that marker positions and joint states are plausible')
+        print_error(
+            _NAME,
+            f'the calculation failed ({error}): check that marker positions and joint states are '
+            'plausible',
+        )
         return USER_ERROR
     return 0
 

@@ -1,4 +1,4 @@
-"""Bridge with emulated boards: the software of the bridge controls a simulated arm."""
+"""Run the bridge with emulated motor boards, which drive a simulated arm."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ PARAMETERS = ParameterTable(
 
 
 class GroundLink:
-    """Node on one end of the connection, on the drone or on the ground.
+    """Node that relays messages between drone and ground; one instance runs on each computer.
 
     Attributes
     ----------
@@ -86,8 +86,8 @@ class GroundLink:
         if is_drone and not path.exists():
             make_key(path)
             self._node.get_logger().info(
-                f'the shared key {path} was created: copy this file to the same path on the ground '
-                'computer'
+                f'created the file {path} with the shared key: copy this file to the same path on '
+                'the ground computer'
             )
         key = read_key(path)
         self._end = (DroneEnd if is_drone else GroundEnd)(self._node, values, key)

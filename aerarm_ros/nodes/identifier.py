@@ -67,7 +67,8 @@ def _run(options: argparse.Namespace) -> int:
         return _report(error)
     except np.linalg.LinAlgError as error:
         return _report(
-            f'{error}: check that masses and inertias of the URDF and joint states are plausible'
+            f'the calculation failed ({error}): check that masses and inertias of the URDF, and '
+            'joint states, are plausible'
         )
     return 0 if run.passed else _LIMIT_EXCEEDED
 

@@ -1,4 +1,4 @@
-"""Move the tool to targets by joint velocities from inverse kinematics, thesis 2.5.2 and 2.5.3."""
+"""Move the tool to targets by joint velocities from inverse kinematics, thesis sections 2.5.2-3."""
 
 import sys
 from collections.abc import Sequence
@@ -51,7 +51,7 @@ PARAMETERS = controller_parameters(
 
 
 class KinematicControlNode(ControllerNode):
-    """Controller for tool targets with `CartesianMotionControl` or `JointMotionControl`."""
+    """Tool controller with the control law `CartesianMotionControl` or `JointMotionControl`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
@@ -79,7 +79,7 @@ class KinematicControlNode(ControllerNode):
         self.tool = ToolTopics(self, self.follower, self.values.frame)
 
     def describe(self) -> dict[str, object]:
-        """Return the distance from singularities and the slowdown, for /diagnostics."""
+        """Return the Jacobian's smallest singular value and the slowdown, for /diagnostics."""
         return {
             **super().describe(),
             'smallest singular value [m/rad]': round(self.resolution.least_singular_value, 4),

@@ -2,7 +2,7 @@
 
 Targets arrive on tool_trajectory, timed paths on tool_motion, both in the odometry's frame. A force
 on tool_force presses the tool on a wall, and holds this force while the tool follows its target.
-Without a target the tool stays where it is when control starts. The node subscribes to odometry,
+Without a target the tool stays where it is when control starts. The node needs the topics odometry,
 imu, rotor_command and joint_states.
 """
 
@@ -133,7 +133,7 @@ PARAMETERS = controller_parameters(
 
 
 class WorldControlNode(ControllerNode):
-    """Controller of tool targets in the world frame with `WorldLaw`."""
+    """Controller for tool targets in the world frame, with the control law `WorldLaw`."""
 
     takes_odometry = True
 
@@ -141,7 +141,7 @@ class WorldControlNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and its control loop."""
+        """Create the control law and the control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         kinematics = Kinematics(arm.robot, values.frame)
@@ -194,14 +194,14 @@ class WorldControlNode(ControllerNode):
         return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Subscribe to targets, and advertise the plan, the tool and the remaining reach."""
+        """Subscribe to targets; advertise the planned motion, tool pose and remaining reach."""
         self.topics = WorldTopics(self, self.reference, self.values)
         self.attend(self.topics)
         self.publish_plan(self._ahead)
         self.take_payload()
 
     def take_imu(self, sample: ImuSample, now: float) -> None:
-        """Pass an IMU sample to all estimators of the base."""
+        """Pass an IMU sample to all estimators of the base's motion."""
         super().take_imu(sample, now)
         self.pose.offer_imu(sample, now)
         if self._measured is not None:
@@ -215,7 +215,7 @@ class WorldControlNode(ControllerNode):
         self.pose.offer_odometry(to_odometry_sample(message), now)
 
     def _ahead(self, times: NDArray[np.float64]) -> JointReference | None:
-        """Return the planned joint motion at times (M,) [s], without the reaction to the drone."""
+        """Return the planned joint motion at `times` (M,) [s], as if the drone did not move."""
         if self.state is None:
             return None
         now, q = 1e-9 * self.stamp_ns, self.state.q
@@ -228,7 +228,7 @@ class WorldControlNode(ControllerNode):
         self.law.gains = self.law.gains._replace(**{name: float(value)})
 
     def warning(self) -> str:
-        """Return why the tool is not held in the world, or that its reach ends soon."""
+        """Return a warning if the tool is not held in the world frame, or if reach ends soon."""
         if problem := super().warning():
             return problem
         if self.reference.reason:
@@ -240,15 +240,15 @@ class WorldControlNode(ControllerNode):
             return (
                 'the arm is near the end of its reach: the drone may move '
                 f'{1000.0 * margin.least:.0f} mm more, which takes {margin.time:.1f} s at its '
-                'velocity. Move the drone nearer to the tool'
+                'present velocity. Move the drone nearer to the tool'
             )
         pusher = self.reference.force
         if pusher is not None and pusher.reason:
-            return f'the tool no longer presses: {pusher.reason}'
+            return f'the tool no longer presses on the wall: {pusher.reason}'
         return ''
 
     def describe(self) -> dict[str, object]:
-        """Return tool error, odometry age and remaining reach for diagnostics."""
+        """Return tool error, odometry age, remaining reach and further values for /diagnostics."""
         pose, margin = self.pose, self.topics.margin
         values: dict[str, object] = {
             **super().describe(),
