@@ -121,7 +121,10 @@ def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
             get_package_prefix(package)
         except (PackageNotFoundError, OSError):  # OSError: no ROS environment is sourced
             apt = f'ros-jazzy-{package.replace("_", "-")}'
-            yield f'{what_for} the missing ROS package {package}: sudo apt install {apt}'
+            yield (
+                f'{what_for} the ROS package {package}, which is not installed: sudo apt install '
+                f'{apt}'
+            )
 
 
 def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:

@@ -3,7 +3,7 @@
 The node is for vehicles without MAVROS and without a DDS agent. Set points arrive repeatedly on
 flight_set_point, or once on flight_trajectory. The node publishes the autopilot's odometry, imu and
 rotor_command for the arm. Only the services ~/arm, ~/disarm and ~/offboard arm the autopilot or
-change its mode; ~/offboard requests ArduCopter's guided mode.
+change its mode; for ArduCopter, ~/offboard requests the guided mode.
 """
 
 import sys
@@ -113,7 +113,7 @@ class MavlinkFeedforward:
     Raises
     ------
     ValueError
-        If the line cannot be opened, no drone is given, or the output channels are wrong.
+        If the connection cannot be opened, drone_file is empty, or output_channels is invalid.
     """
 
     def __init__(self) -> None:
@@ -195,8 +195,8 @@ class MavlinkFeedforward:
             messages = self._line.messages(patience)
         except OSError as error:
             raise ValueError(
-                f'connection {self.values.connection!r} failed ({error.strerror}): check '
-                'that the device is plugged in'
+                f'the connection {self.values.connection!r} to the autopilot failed '
+                f'({error.strerror}): check that the device is plugged in'
             ) from None
         now = time.monotonic()
         for message in messages:
@@ -252,14 +252,17 @@ class MavlinkFeedforward:
         self._sent += 1
 
     def _link_problem(self, now: float) -> str:
-        """Return why set points may not be sent to the autopilot, '' if they may."""
+        """Return why the node must not send set points to the autopilot, or an empty string."""
         found, wanted = self._autopilot.firmware, self.values.firmware
         if not self._autopilot.is_linked(now):
             return (
                 f'no heartbeat from the autopilot on {self.values.connection}: check the connection'
             )
         if found != wanted:
-            return f'the autopilot reports {found}, but firmware is {wanted}: correct firmware'
+            return (
+                f'the autopilot reports the firmware {found}, but the parameter firmware is '
+                f'{wanted}: correct the parameter'
+            )
         return ''
 
     def _wanted(self, now: float) -> FlightTarget | None:
@@ -287,15 +290,16 @@ class MavlinkFeedforward:
             state = self._autopilot.state(now)
             if state is None:
                 raise RejectedInputError(
-                    'flight_trajectory: the autopilot reports no position yet; wait for its '
-                    'position estimate'
+                    'flight_trajectory rejected, because the autopilot reports no position yet: '
+                    'wait for its position estimate, then send the trajectory again'
                 )
             stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
             delay = stamp - 1e-9 * self._clock.now_ns() if stamp else 0.0
             if not -1.0 < delay < 60.0:
                 raise RejectedInputError(
-                    f'flight_trajectory: its stamp is {delay:+.1f} s from now, but -1 to 60 s are '
-                    'accepted; set the stamp to zero ("now"), or synchronize the clocks'
+                    f'flight_trajectory rejected, because its stamp is {delay:+.1f} s from now '
+                    '(accepted: -1 to 60 s): set the stamp to zero ("now"), or synchronize the '
+                    'clocks'
                 )
             self._path = now + delay, to_path(message, _WORLD, FlightTarget.here(state))
 
@@ -308,14 +312,18 @@ class MavlinkFeedforward:
             response.message = problem
             return response
         if self._answered is not None:
-            response.message = "another request waits for the autopilot's answer: call again"
+            response.message = (
+                "an earlier request still waits for the autopilot's answer: call again later"
+            )
             return response
         ask()
         self._answered, self._answer_by = Future(), time.monotonic() + _REPLY
         await self._answered  # set points continue meanwhile
         self._answered = None
         response.success = self._autopilot.reply == 'accepted'
-        response.message = self._autopilot.reply or f'no answer within {_REPLY:g} s'
+        response.message = (
+            self._autopilot.reply or f'the autopilot did not answer within {_REPLY:g} s'
+        )
         if not response.success and self._autopilot.text:
             response.message += f': {self._autopilot.text}'
         return response
@@ -340,7 +348,7 @@ class MavlinkFeedforward:
             self.node.get_logger().warning(f'rejected: {error}', throttle_duration_sec=1.0)
 
     def _problem(self, now: float) -> str:
-        """Return the most important problem for the diagnostics, '' without one."""
+        """Return the most important problem for /diagnostics, or an empty string."""
         ahead, self._ahead = self._ahead, None
         if problem := self._link_problem(now):
             return problem
@@ -349,7 +357,7 @@ class MavlinkFeedforward:
         if now - self._rejected_at < _REMEMBERED:
             return f'rejected: {self._rejection}'
         if self._wanted(now) is None:
-            return 'no set points received, so the node sends none'
+            return 'no set points received, so the node sends none to the autopilot'
         return '' if ahead is None else time_problem(ahead, self.values.feed_lead)
 
     def _report(self) -> None:
@@ -377,7 +385,7 @@ class MavlinkFeedforward:
 
 
 def _channels(values: Any, drone: DroneConfig) -> list[int]:
-    """Return the index of each rotor in the autopilot's outputs; raise ValueError."""
+    """Return the autopilot output index of each rotor; raise ValueError for invalid parameters."""
     given, count = list(values.output_channels), drone.n
     most = 16 if values.firmware == ARDUPILOT else 32
     if not given and values.firmware == ARDUPILOT and values.output_rate > 0.0:
@@ -388,12 +396,14 @@ def _channels(values: Any, drone: DroneConfig) -> list[int]:
     given = given or list(range(1, count + 1))
     if len(given) != count or len(set(given)) != count or not all(0 < x <= most for x in given):
         raise ValueError(
-            f'output_channels = {given}: set {count} different numbers from 1 to {most}, one per '
-            'rotor'
+            f'the parameter output_channels is {given}: set {count} different numbers from 1 to '
+            f'{most}, one per rotor'
         )
     low, high = [*values.output_range, 0.0, 0.0][:2]
     if len(values.output_range) != 2 or not high > low:
-        raise ValueError(f'output_range = {values.output_range}: set two increasing numbers')
+        raise ValueError(
+            f'the parameter output_range is {values.output_range}: set two increasing numbers'
+        )
     return [channel - 1 for channel in given]
 
 

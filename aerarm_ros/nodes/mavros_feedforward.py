@@ -1,7 +1,8 @@
-"""Add the acceleration for the arm's motion to MAVROS's set points.
+"""Add the acceleration that compensates the arm's motion to the set points for MAVROS.
 
 The node subscribes to `setpoint_raw/local` and publishes on /mavros/setpoint_raw/local at 100 Hz;
-it needs mavros_msgs. The autopilot's hover thrust carries the arm's weight.
+it needs mavros_msgs. The node does not compensate the arm's weight, because the autopilot's hover
+thrust includes this weight.
 """
 
 import copy
@@ -42,7 +43,7 @@ _ZERO, _ALL = np.zeros(3), np.full(3, True)
 
 
 class MavrosFeedforward(SetPointNode):
-    """Feedforward node that publishes set points for MAVROS, in ROS's axes."""
+    """Feedforward node that publishes set points for MAVROS, in the axes of ROS (ENU, FLU)."""
 
     def __init__(self) -> None:
         advice = 'install it (apt: ros-jazzy-mavros-msgs), or use px4_feedforward'
@@ -64,14 +65,14 @@ class MavrosFeedforward(SetPointNode):
     def with_acceleration(
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
-        """Return a PositionTarget with the acceleration added; raise RejectedInputError."""
+        """Return a PositionTarget with the acceleration added, or raise RejectedInputError."""
         if self.values.firmware == PX4:
             return add_acceleration(set_point, acceleration, now_ns)
         dt, self._last_ns = 1e-9 * max(now_ns - self._last_ns, 0), now_ns
         return add_to_loop(set_point, acceleration, self._offset.update(acceleration, dt), now_ns)
 
     def moment_unit(self, drone: DroneConfig) -> float:
-        """Return the roll moment [Nm] for the autopilot's normalized torque 1, 0 if unknown."""
+        """Return the roll moment [Nm] at the autopilot's normalized torque 1, or 0 if unknown."""
         if self.values.firmware == PX4:
             return super().moment_unit(drone)
         return ardupilot_moment_unit(drone, self.node.get_logger().warning)
@@ -82,8 +83,9 @@ def add_to_loop(
 ) -> Any:
     """Add an acceleration (3,) [m/s^2], east-north-up, to a PositionTarget for ArduCopter.
 
-    A position moves by the offset for which ArduCopter's loop commands the acceleration; without a
-    position the acceleration is added. Raises RejectedInputError as `add_acceleration` does.
+    A set point with a position is moved by the offset for which ArduCopter's position loop commands
+    the acceleration. Otherwise the function adds the acceleration itself. Raises RejectedInputError
+    as `add_acceleration` does.
     """
     has_position = not set_point.type_mask & _POSITION.sum()
     push = moved.acceleration if has_position else acceleration
@@ -112,12 +114,12 @@ def add_acceleration(
     frames = _FRAMES[firmware]
     if set_point.coordinate_frame not in frames:
         raise RejectedInputError(
-            f'set point rejected: coordinate_frame is {set_point.coordinate_frame}, but '
-            f'accelerations for {firmware} need {" or ".join(frames.values())}'
+            f'set point rejected, because its coordinate_frame is {set_point.coordinate_frame}: '
+            f'for {firmware}, set {" or ".join(frames.values())}'
         )
     if set_point.type_mask & _IS_FORCE:
         raise RejectedInputError(
-            'set point rejected: it sets a force, send an acceleration instead'
+            'set point rejected, because it contains a force: send an acceleration instead'
         )
     added = copy.deepcopy(set_point)
     position, velocity, wanted = (
@@ -136,7 +138,7 @@ def add_acceleration(
 
 
 def _fill(vector: Any, given: NDArray[np.bool_], added: NDArray[np.float64] = _ZERO) -> None:
-    """Add a vector to a Vector3, in which axes that are not `given` count as 0."""
+    """Add an array to a Vector3 message; message axes that are not `given` count as 0."""
     values = np.where(given, [vector.x, vector.y, vector.z], 0.0) + added
     vector.x, vector.y, vector.z = values.tolist()
 

@@ -77,7 +77,7 @@ class ComputedTorqueNode(TrajectoryController):
         super().subscribe()
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Raise ValueError for an invalid gain, or a value that the parameter `feedback` forbids."""
+        """Raise ValueError for an invalid gain, or a value that is invalid with `feedback`."""
         is_host = isinstance(self.law, ComputedTorque)
         if name == REACTION and value == Reaction.COMPLY.value and not is_host:
             raise ValueError(

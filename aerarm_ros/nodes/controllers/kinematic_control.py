@@ -1,4 +1,7 @@
-"""Move the tool to targets by joint velocities from inverse kinematics, thesis sections 2.5.2-3."""
+"""Move the tool to targets by joint velocities from inverse kinematics.
+
+Sections 2.5.2 and 2.5.3 of the thesis describe the control laws.
+"""
 
 import sys
 from collections.abc import Sequence
