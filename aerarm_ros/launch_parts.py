@@ -49,7 +49,7 @@ IMU_REMAPPING = ('imu', LaunchConfiguration('imu_topic'))
 def switch_argument(
     name: str, description: str, default: SomeSubstitutionsType = 'false'
 ) -> DeclareLaunchArgument:
-    """Return a launch argument with the values true and false."""
+    """Return a launch argument that accepts only the values true and false."""
     return DeclareLaunchArgument(
         name, default_value=default, choices=['true', 'false'], description=description
     )
@@ -66,21 +66,21 @@ def drone_argument() -> DeclareLaunchArgument:
 
 
 def drone_parameter() -> dict[str, ParameterValue]:
-    """Return the node parameter `drone_file`, as a string even if the value is empty."""
+    """Return the node parameter `drone_file` as a string, even if the launch argument is empty."""
     return {'drone_file': ParameterValue(LaunchConfiguration('drone_file'), value_type=str)}
 
 
 def arm_parameters(
     *others: str, urdf: SomeSubstitutionsType | None = None
 ) -> dict[str, SomeSubstitutionsType | ParameterValue]:
-    """Return the node parameters for the arm's files and prefix, and the parameters in `others`.
+    """Return node parameters: configuration file and URDF of the arm, `tf_prefix`, and `others`.
 
     Parameters
     ----------
     others
         Names of further parameters, which launch arguments of the same names set.
     urdf
-        URDF that replaces the value of the launch argument `urdf`.
+        URDF to use instead of the value of the launch argument `urdf`.
     """
     prefix = ParameterValue(LaunchConfiguration('tf_prefix'), value_type=str)
     given = {**arguments_as_parameters('config', 'urdf', *others), 'tf_prefix': prefix}
@@ -88,16 +88,16 @@ def arm_parameters(
 
 
 def enable_argument(default: SomeSubstitutionsType = 'false') -> DeclareLaunchArgument:
-    """Return the launch argument that switches the motors on."""
+    """Return the launch argument `enable`, which switches the motors on."""
     what = (
-        'switch the motors on as soon as the boards respond, and home the arm if encoder zeros are '
-        'unknown; THE ARM MOVES: put it in its home configuration first'
+        'switch the motors on as soon as the motor boards respond, and home the arm if encoder '
+        'zeros are unknown: THE ARM MOVES, and must start in its home configuration'
     )
     return switch_argument('enable', what, default)
 
 
 def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
-    """Return the launch argument that selects the controller."""
+    """Return the launch argument `controller`, which selects the controller to start."""
     return DeclareLaunchArgument(
         'controller',
         default_value=default,
@@ -107,14 +107,14 @@ def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
 
 
 def base_motion_argument(default: str = 'none') -> DeclareLaunchArgument:
-    """Return the launch argument that selects how a controller obtains the motion of the base."""
+    """Return the launch argument `base_motion`: how a controller obtains the arm's base motion."""
     return DeclareLaunchArgument(
         'base_motion',
         default_value=default,
         choices=['none', 'attitude', 'full', 'free'],
-        description="method by which the controller obtains the motion of the arm's base: none "
-        '(fixed base), attitude or full (both from the IMU), or free (predicted with the drone '
-        'model in drone_file)',
+        description="motion of the arm's base that the controller assumes: none (fixed base), "
+        'attitude (tilt from the IMU), full (tilt and acceleration from the IMU), or free '
+        '(predicted for the drone in drone_file)',
     )
 
 
@@ -134,14 +134,13 @@ MOTION_ARGUMENTS = (
         'controller',
         default_value='none',
         choices=['none'],
-        description='no controller can be selected, because another program of this launch file '
-        'commands the arm',
+        description='always none, because another node of this launch file commands the arm',
     ),
     DeclareLaunchArgument(
         'excitation_config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'excitation.yaml']),
-        description="YAML file with the obstacles, and with the fraction of each of the arm's "
-        'limits that motions may use',
+        description='YAML file with clearances, and with the fraction of each joint limit that '
+        'motions may use',
     ),
 )
 
@@ -183,7 +182,7 @@ def _keep_launch_from_being_interrupted() -> None:
 
 
 def bringup() -> IncludeLaunchDescription:
-    """Include bringup.launch.py, and pass on the arguments of the including launch file."""
+    """Return an action that includes bringup.launch.py with the present launch arguments."""
     return IncludeLaunchDescription(PathJoinSubstitution([SHARE, 'launch', 'bringup.launch.py']))
 
 
@@ -206,7 +205,7 @@ def node(
 
 
 def arguments_as_parameters(*names: str) -> dict[str, LaunchConfiguration]:
-    """Return node parameters with the values of launch arguments that have the same names."""
+    """Return node parameters that have the names and values of launch arguments."""
     return {name: LaunchConfiguration(name) for name in names}
 
 
@@ -218,10 +217,10 @@ def end(reason: str) -> EmitEvent:
 def after(
     process: Action, what: str, if_good: Action | None = None, condition: Condition | None = None
 ) -> RegisterEventHandler:
-    """Run `if_good` after a process has succeeded; if the process fails, end launch with status 1.
+    """Return a handler: run `if_good` if `process` succeeds, otherwise end launch with status 1.
 
-    While launch shuts down, a stopped process counts as successful. So does exit status 255, which
-    asyncio reports if Ctrl-C interrupts the task that waits for the process.
+    While launch shuts down, a stopped process counts as successful. A process with exit status 255
+    then also counts as successful, because asyncio reports 255 if Ctrl-C interrupts the waiting.
     """
 
     def choose(event: ProcessExited, context: LaunchContext) -> Action | None:

@@ -1,8 +1,8 @@
-"""Check that all files, packages and modules exist which the launch arguments require.
+"""Find missing files, packages and modules that launch arguments require.
 
 If a process of a launch file cannot start, the processes before it keep running. The bridge would
 then run alone, with the motors switched on. Therefore this module checks all arguments before any
-process starts. It does not need ROS's launch.
+process starts. The module does not import ROS's launch.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[
     packages
         ROS packages that the launch file needs for all arguments.
     """
-    needed = [('', package) for package in packages]
+    needed = [('this launch file needs', package) for package in packages]
     needed += [
-        (f'{name}:={value}: ', package)
+        (f'{name}:={value} needs', package)
         for (name, value), of_value in _PACKAGES.items()
         for package in of_value
         if arguments.get(name) == value
@@ -101,7 +101,7 @@ def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:
     if arguments.get('base_motion') == 'free' and not arguments.get('drone_file', '').strip("'"):
         yield (
             'base_motion:=free needs a drone file: pass drone_file:=config/drone.yaml or another '
-            'file, or set base_motion:=full if the base is heavy or drives on the ground'
+            'file, or set base_motion:=full for a heavy base or a ground vehicle'
         )
 
 
@@ -121,7 +121,10 @@ def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
             get_package_prefix(package)
         except (PackageNotFoundError, OSError):  # OSError: no ROS environment is sourced
             apt = f'ros-jazzy-{package.replace("_", "-")}'
-            yield f'{what_for}{package} is not installed: sudo apt install {apt}'
+            yield (
+                f'{what_for} the ROS package {package}, which is not installed: sudo apt install '
+                f'{apt}'
+            )
 
 
 def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:

@@ -50,15 +50,15 @@ ARGUMENTS = (
         'hardware',
         default_value='fake',
         choices=['fake', 'spi'],
-        description='boards that the bridge uses: emulated (fake) or real (spi)',
+        description='motor boards that the bridge uses: emulated (fake) or real (spi)',
     ),
     controller_argument(),
     DeclareLaunchArgument(
         'if_controller_fails',
         default_value='end',
         choices=['end', 'go_on'],
-        description="effect of a controller that ends: 'end' ends all nodes; with 'go_on' the "
-        'bridge continues',
+        description="reaction if the controller process ends with an error: 'end' all nodes, or "
+        "'go_on' without controller",
     ),
     DeclareLaunchArgument('namespace', default_value='', description='ROS namespace of all nodes'),
     DeclareLaunchArgument(
@@ -185,7 +185,12 @@ def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
     try:
         get_package_prefix('robot_state_publisher')
     except PackageNotFoundError:
-        return [LogInfo(msg='robot_state_publisher is not installed: no frames for RViz')]
+        return [
+            LogInfo(
+                msg='robot_state_publisher is not installed, so RViz receives no frames: sudo apt '
+                'install ros-jazzy-robot-state-publisher'
+            )
+        ]
     urdf, prefix = FileContent(MOVING_ARM).perform(context), TF_PREFIX.perform(context)
     if prefix:
         urdf = UrdfDocument(urdf).prefixed_text(prefix)

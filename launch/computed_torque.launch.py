@@ -1,4 +1,4 @@
-"""Start the bridge and computed_torque, which follows joint trajectories, thesis (2.21).
+"""Start the bridge and the controller computed_torque, which follows joint trajectories.
 
 ros2 launch aerarm_ros computed_torque.launch.py enable:=true view:=true
 

@@ -1,9 +1,9 @@
-"""Start bridge, controller and base_reaction for an arm under a drone.
+"""Start the bridge, a controller and the node base_reaction for an arm under a drone.
 
 ros2 launch aerarm_ros drone.launch.py hardware:=spi autopilot:=px4 drone_file:=my_drone.yaml
 
-Depending on the argument autopilot, also starts px4_imu or flight_control. Accepts the arguments
-of bringup.launch.py.
+Depending on the argument autopilot, the launch file also starts px4_imu or flight_control. It
+accepts the arguments of bringup.launch.py.
 """
 
 from launch import LaunchDescription
@@ -49,8 +49,9 @@ ARGUMENTS = (
             ]
         ),
         choices=['flight_control', 'mavros', 'px4'],
-        description='source of the IMU samples: mavros (topics of MAVROS); px4 (px4_imu converts '
-        "PX4's topics); or flight_control (flies an emulated drone)",
+        description='autopilot, which is also the source of IMU samples: mavros (topics of '
+        "MAVROS); px4 (the node px4_imu converts PX4's topics); or flight_control (node of this "
+        'package that flies an emulated drone)',
     ),
     DeclareLaunchArgument(
         'imu_topic',

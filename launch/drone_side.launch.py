@@ -1,4 +1,4 @@
-"""Start bridge, controller and ground_link on the drone's computer.
+"""Start the bridge, a controller and the node ground_link on the drone's computer.
 
 ros2 launch aerarm_ros drone_side.launch.py hardware:=spi ground:=192.168.1.20
 

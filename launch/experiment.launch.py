@@ -20,8 +20,8 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'identified',
         default_value='',
-        description='URDF of the arm to simulate, for example identified.urdf (empty: a random '
-        'arm)',
+        description='URDF of the arm to simulate, for example identified.urdf (empty: an arm with '
+        'random parameters)',
     ),
     DeclareLaunchArgument(
         'only',

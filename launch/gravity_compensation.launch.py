@@ -1,4 +1,4 @@
-"""Start the bridge and gravity_compensation, which holds the arm at set points, thesis (2.14).
+"""Start the bridge and the controller gravity_compensation, which holds the arm at set points.
 
 ros2 launch aerarm_ros gravity_compensation.launch.py enable:=true view:=true
 

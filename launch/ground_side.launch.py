@@ -1,4 +1,4 @@
-"""Start ground_link and view (the browser page) on the ground computer.
+"""Start the nodes ground_link and view (the browser page) on the ground computer.
 
 ros2 launch aerarm_ros ground_side.launch.py drone:=192.168.1.10
 """

@@ -95,6 +95,6 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _states_topic() -> PythonExpression:
-    """Return the name of joint_states in the namespace, as it appears in the bag."""
+    """Return the topic name of joint_states with its namespace, as it appears in the bag."""
     namespace = LaunchConfiguration('namespace')
     return PythonExpression(["('/' + '", namespace, "' + '/joint_states').replace('//', '/')"])

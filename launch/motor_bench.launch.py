@@ -1,4 +1,4 @@
-"""Measure the drives of the arm with motor_bench, one joint after the other, then end.
+"""Measure the drives of the arm with the node motor_bench, joint by joint, then end.
 
 ros2 launch aerarm_ros motor_bench.launch.py out:=bench1 joints:="[joint4]"
 

@@ -22,11 +22,12 @@ ARGUMENTS = (
         'controller',
         default_value='computed_torque',
         choices=['computed_torque'],
-        description='fixed to computed_torque: MoveIt sends planned motions to this controller',
+        description='always computed_torque: MoveIt sends planned motions to this controller',
     ),
     switch_argument(
         'use_sim_time',
-        'true: MoveIt uses the time on /clock; false with real boards, or with pace: real_time',
+        'true: MoveIt uses the simulation time on /clock; false for real boards, or if the '
+        'parameter pace is real_time',
         IfElseSubstitution(
             EqualsSubstitution(LaunchConfiguration('hardware', default='fake'), 'spi'),
             'false',
@@ -37,13 +38,13 @@ ARGUMENTS = (
         'namespace',
         default_value='',
         choices=[''],
-        description="fixed to empty, because MoveIt's topics are global",
+        description="always empty, because MoveIt's topics are global",
     ),
     DeclareLaunchArgument(
         'tf_prefix',
         default_value='',
         choices=[''],
-        description='fixed to empty, because the files in config/moveit name links without prefix',
+        description='always empty, because the files in config/moveit name links without prefix',
     ),
 )
 # ROS packages that MoveIt needs, and control_msgs, which the controller needs for goals.

@@ -1,4 +1,4 @@
-"""Executables of the package, one per file.
+"""Executables of this ROS package, one per file.
 
 - boards and arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
 - controllers: `nodes.controllers`

@@ -1,4 +1,4 @@
-"""Send one request to the bridge or a controller and print the result.
+"""Send one request to the bridge or another node and print the result.
 
 Usage: ros2 run aerarm_ros arm home --wait ready
 """
@@ -28,22 +28,24 @@ _MEANING = {
         'arm'
     ),
     'hold': (
-        'let the bridge hold the arm in place: at once if the arm is damped, or when the '
-        'controller stops if a controller moves the arm'
+        'let the bridge hold the arm at its position: at once if the arm is damped, or as soon as '
+        'the active controller stops'
     ),
     'disable': 'switch the motors off, so that the arm sinks',
-    'clear_fault': 'leave the mode fault, after you have removed the cause of the fault',
+    'clear_fault': "end the arm's mode 'fault'; first remove the cause of the fault",
     'home': (
-        'turn the joints slowly from the home configuration to the index pulses of the encoders: '
-        'THE ARM MOVES'
+        'find the encoder zeros: turn the joints slowly from the home configuration to the index '
+        'pulses of the encoders: THE ARM MOVES'
     ),
-    'e_stop': 'emergency stop: the bridge damps the arm until it receives the request clear_fault',
-    'put_back': f'reset the simulated arm of {_FAKE} to its initial posture, with motors off',
+    'e_stop': 'emergency stop: the bridge damps the arm until the request clear_fault',
+    'put_back': (
+        f'reset the arm that the node {_FAKE} simulates to its initial posture, with motors off'
+    ),
 }
 # Receivers of a request if the user names no bridge.
 _RECEIVERS = {
-    'e_stop': 'all bridges in the ROS namespace of this command; without a namespace, all bridges',
-    'disable': 'all bridges of this namespace',
+    'e_stop': 'all bridges of the ROS namespace; without a namespace, all bridges',
+    'disable': 'all bridges of the ROS namespace',
     'put_back': _FAKE,
 }
 # Commands that run another executable: its name, the parameter to set, the placeholder of its
@@ -64,8 +66,8 @@ _PROGRAMS = {
     ),
 }
 _FETCH = (
-    'copy a bag from the drone to the ground computer, which had requested the recording; also '
-    'continues an interrupted copy'
+    "copy a bag, which 'arm record' recorded on the drone, to the ground computer; continues an "
+    'interrupted copy'
 )
 _HOME = (
     'before enabling, home the arm if an encoder zero is unknown; the arm must be in its home '
@@ -77,14 +79,14 @@ _CALIBRATE = (
 )
 _INIT = "write the first configuration files of an arm from the arm's URDF"
 _COMMISSION = (
-    'guide the user through the first power-on of each joint: THE ARM MOVES after the user confirms'
+    'guide the user through the first power-on of each joint: THE ARM MOVES after a confirmation'
 )
 _TIMEOUT = 20.0  # [s]
 # Twice the longest time that a new node needs to discover a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
 _PRESS = (
-    'press the tool on a wall with a force, by the controller world_control; the force 0 0 0 ends '
-    'the contact: THE ARM MOVES'
+    'press the tool on a wall with a force; 0 0 0 ends the contact; needs the controller '
+    'world_control: THE ARM MOVES'
 )
 
 
@@ -110,7 +112,7 @@ def make_parser() -> argparse.ArgumentParser:
             '--timeout',
             type=positive_number,
             default=timeout,
-            help=f'time limit of each step of the command [s] (default: {timeout:g})',
+            help=f'time limit for each step of the command [s] (default: {timeout:g})',
         )
         return command
 
@@ -155,7 +157,10 @@ def make_parser() -> argparse.ArgumentParser:
         )
     for name, (executable, _, what, meaning) in _PROGRAMS.items():
         command = commands.add_parser(
-            name, help=meaning, description=f'{meaning[0].upper()}{meaning[1:]}: {executable}.'
+            name,
+            help=meaning,
+            description=f'{meaning[0].upper()}{meaning[1:]}. The command starts the node '
+            f'{executable}.',
         )
         command.add_argument('what', metavar=what)
         if name == 'record':
@@ -168,7 +173,7 @@ def make_parser() -> argparse.ArgumentParser:
     command.add_argument(
         'value', help='new value of the parameter, for example 0.5, true or "[900.0]"'
     )
-    command = add('fault', f'inject a fault into {_FAKE}')
+    command = add('fault', f'inject a fault into the boards that the node {_FAKE} emulates')
     command.add_argument(
         'fault', metavar=FORM, help=f'fault to inject; NAME is one of {", ".join(FAULTS)}'
     )
@@ -192,7 +197,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 def _add_arm_files(command: argparse.ArgumentParser) -> None:
     for option, what in (
-        ('--config', 'arm configuration that the bridge uses'),
+        ('--config', 'configuration file of the arm, the same as that of the bridge'),
         ('--urdf', 'URDF of the arm'),
     ):
         command.add_argument(
@@ -222,17 +227,17 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
     add('--postures', type=int, default=40, metavar='N',
         help='number of calibration postures (default: 40)')  # fmt: skip
     add('--rest', type=positive_number, default=1.0, help=(
-        'time for which the arm rests in each posture [s] (default: 1)'
+        'time for which the arm rests in each calibration posture [s] (default: 1)'
     ))  # fmt: skip
     add('--span', type=positive_number, default=0.8, help=(
-        "fraction of each joint's range within which the program chooses postures (default: 0.8)"
+        'fraction of each joint range in which the program chooses postures (default: 0.8)'
     ))  # fmt: skip
     add('--sensors', nargs='+', default=[], metavar='TOPIC', help=(
-        'topics of markers or poses to record (default: all topics of markers or poses that do not '
-        'belong to this suite)'
+        'topics with marker positions or poses to record (default: all topics of these types that '
+        'programs outside this suite publish)'
     ))  # fmt: skip
     add('--link', default='', metavar='NAME',
-        help='link that carries the markers (default: the last link)')  # fmt: skip
+        help='link to which the markers are attached (default: the last link)')  # fmt: skip
     add('--camera', nargs=3, type=finite_number, metavar=('X', 'Y', 'Z'), help=(
         'position of a camera in the base frame [m]; the program then chooses only postures in '
         'which the marker faces the camera'
@@ -244,7 +249,8 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
     ))  # fmt: skip
     _add_arm_files(command)
     add('--excitation-config', default='', metavar='FILE', help=(
-        'YAML file with clearances and the height of the ground (default: the packaged file)'
+        'YAML file with the minimum clearances of the arm and the height of the ground (default: '
+        'the packaged file)'
     ))  # fmt: skip
     add('--out', default='', metavar='BAG',
         help='name of the recorded bag (default: calibration_DATE_TIME)')  # fmt: skip
@@ -265,16 +271,17 @@ def _add_init(command: argparse.ArgumentParser) -> None:
     add('--out', type=Path, default=Path(), metavar='FOLDER',
         help='folder for the written files (default: the current folder)')  # fmt: skip
     add('--locked', nargs='+', default=[], metavar='JOINT',
-        help='joints that do not belong to the arm, for example of a gripper; the model treats '
-             'these joints as fixed')  # fmt: skip
+        help='joints of the URDF that do not belong to the arm, for example gripper joints; the '
+             'model treats these joints as fixed')  # fmt: skip
     add('--gravity', type=finite_number, nargs=3, default=[0.0, 0.0, -9.81], metavar=tuple('XYZ'),
-        help='gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; pass 0 0 9.81 for '
-             'an arm that hangs upside down)')  # fmt: skip
+        help='gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; set 0 0 9.81 '
+             'for an arm mounted upside down)')  # fmt: skip
     add('--package-directory', type=Path, action='append', default=[], metavar='FOLDER',
-        help='folder in which to search for the package:// meshes of the URDF')  # fmt: skip
+        help='folder in which to search for meshes that the URDF names by package:// '
+             'addresses')  # fmt: skip
     add('--estimate', type=Path, metavar='FILE', help=(
-        'file estimate.yaml of the identifier, with values of friction and rotor inertias '
-        '(default: the program guesses these values)'
+        'file estimate.yaml of the identifier, with friction and rotor inertias (default: rough '
+        'guesses)'
     ))  # fmt: skip
     add('--overwrite', action='store_true', help='overwrite existing files')
 
@@ -299,19 +306,18 @@ def _add_waits(command: argparse.ArgumentParser, default: str) -> None:
         help=f'name of the bridge that receives the request (default: {default})',
     )
     command.add_argument('--wait-before', choices=MODES, metavar='MODE',
-        help='mode of the arm to wait for before the request')  # fmt: skip
+        help='wait for this mode of the arm before sending the request')  # fmt: skip
     command.add_argument(
         '--wait',
         nargs='+',
         choices=MODES,
         metavar='MODE',
-        help='modes of the arm to wait for after the request; the command ends when the arm '
-        'reaches one of these modes',
+        help='after the request, wait until the arm is in one of these modes',
     )
 
 
 def finite_number(text: str) -> float:
-    """Convert a text to a finite number; raises ValueError if the text contains none."""
+    """Convert a text to a finite number; raise ValueError if the text is none."""
     value = float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -319,7 +325,7 @@ def finite_number(text: str) -> float:
 
 
 def positive_number(text: str) -> float:
-    """Convert a text to a positive finite number; raises ValueError if the text contains none."""
+    """Convert a text to a positive finite number; raise ValueError if the text is none."""
     value = finite_number(text)
     if value <= 0.0:
         raise ValueError(text)

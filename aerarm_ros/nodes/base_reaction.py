@@ -1,11 +1,11 @@
 """Publish the arm's effect on the drone: wrench, mass properties, feedforward and energy.
 
-All vectors are in the axes of base_link, and moments are about its origin. `base_wrench` is the
-wrench of the arm on the drone, and `base_wrench_static` the part of it that gravity causes. For
-feed-forward the node publishes mass properties, `base_wrench_weight` and `base_wrench_motion`.
-With a drone_file it also publishes `feedforward_acceleration`. While odometry and rotor_command
-arrive, `contact_wrench` is the estimated wrench of contacts on drone and arm. `energy` is the
-energy that the arm draws from the battery, by cause.
+All vectors are in the axes of base_link, and moments are about the origin of base_link.
+`base_wrench` is the wrench of the arm on the drone, and `base_wrench_static` the part due to
+gravity. For feedforward the node publishes mass properties, `base_wrench_weight` and
+`base_wrench_motion`. With a drone_file the node also publishes `feedforward_acceleration`. While
+odometry and rotor_command arrive, `contact_wrench` is the estimated wrench of contacts on drone and
+arm. `energy` is the energy that the arm draws from the battery, by cause.
 """
 
 import sys
@@ -52,7 +52,7 @@ PARAMETERS = state_node_parameters(
 
 
 class BaseReactionNode(StateNode):
-    """Compute the arm's reaction on the drone from joint states, and publish it at `rate`."""
+    """Node that computes the arm's reaction on the drone from joint states, and publishes it."""
 
     answers_every_state = False
 
@@ -86,7 +86,7 @@ class BaseReactionNode(StateNode):
         self._patience = SilencePatience(self.node, states)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Publish the reaction if one period has passed and the joint positions are known."""
+        """Process a joint state; publish the reaction if its period has passed."""
         self._is_located = bool(np.isfinite(state.q).all())
         if not self._is_located:
             self._acceleration.reset()
@@ -114,8 +114,8 @@ class BaseReactionNode(StateNode):
     def silence(self, silent_for: float) -> float:
         """Fade the published wrenches of motion and contact to zero while no joint states arrive.
 
-        A pause of the computer that emulates an arm does not count, because the arm's time pauses
-        too.
+        If the computer that emulates an arm pauses, the wrenches do not fade, because simulation
+        time pauses too.
         """
         timeout = super().silence(silent_for)
         if silent_for <= self._patience.limit(timeout):
@@ -131,16 +131,16 @@ class BaseReactionNode(StateNode):
             self._loads.forecast.lead = value
 
     def warning(self) -> str:
-        """Return a warning if joint positions, or inputs of an estimate, are missing."""
+        """Return a warning if joint positions or inputs of an estimate are missing, else ''."""
         if not self._is_located:
-            return 'joint positions are unknown, so nothing is published: home the arm'
+            return 'joint positions are unknown, so base_reaction publishes nothing: home the arm'
         return super().warning() or self._contact.problem()
 
     def _on_mode(self, message: String, _: float) -> None:
         self._loads.forecast.is_held = message.data in HELD
 
     def describe(self) -> dict[str, object]:
-        """Return the sources of the published motion, contact and energy, for /diagnostics."""
+        """Return the states of motion forecast, contact and energy estimate, for /diagnostics."""
         motion = self._loads.forecast.problem or 'planned'
         others = {**self._contact.describe(), **self._energy.describe()}
         return {**super().describe(), 'motion forecast': motion, **others}

@@ -1,4 +1,4 @@
-"""Calibrate an arm's geometry, its mount and the drone's IMU from recorded measurements.
+"""Calibrate an arm's geometry, or the poses of arm and IMU on a drone, from recordings.
 
 The calibrator reads tables and bags of any serial arm and needs no running ROS. It writes
 calibrated.urdf, calibration.yaml, arm.yaml, summary.json and report.html; with --mount it writes
@@ -36,7 +36,8 @@ _OPTIONS: tuple[Option, ...] = (
         'offsets, for example config/aerarm.yaml (default: the packaged file, or no file if --urdf '
         'is given)'),
     ('--link', {'default': '', 'metavar': 'NAME'},
-        'link that carries the markers (default: the link after the last recorded joint)'),
+        'link to which the markers are attached (default: the link after the last recorded '
+        'joint)'),
     ('--level', {'choices': ('auto', 'frames', 'offsets', 'geometry'), 'default': 'auto'},
         'errors to estimate. frames: only the poses of the sensors; offsets: also joint offsets; '
         'geometry: also link geometry; auto (default): the one of these levels with the smallest '
@@ -53,7 +54,7 @@ _OPTIONS: tuple[Option, ...] = (
         "the markers were measured in the frame of the URDF's base link (default: in an unknown "
         'frame)'),
     ('--eye-in-hand', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'names of those poses that a camera on the arm has measured of an object at a fixed place'),
+        'names of recorded poses of a fixed object, measured by a camera on the arm'),
     ('--length-unit', {'choices': ('m', 'cm', 'mm'), 'default': ''},
         'unit of lengths in columns whose name states no unit (default: m)'),
     ('--degrees', {'action': 'store_true'},
@@ -72,8 +73,8 @@ _OPTIONS: tuple[Option, ...] = (
         'topic of the joint states in the bags (default: %(default)s)'),
     ('--sensors', {'nargs': '+', 'default': [], 'metavar': 'TOPIC'},
         'topics of markers and poses in the bags, of type PointStamped, PoseStamped, '
-        'TransformStamped or TFMessage (default: all topics of these types that do not belong to '
-        'this suite)'),
+        'TransformStamped or TFMessage (default: all topics of these types that programs outside '
+        'this suite publish)'),
     ('--frames', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
         'child frames that the calibrator uses from TFMessage topics (default: all except the '
         'links of the URDF)'),
@@ -83,7 +84,7 @@ _OPTIONS: tuple[Option, ...] = (
     ('--drone', {'type': Path, 'metavar': 'FILE'},
         'drone file with the nominal poses for --mount (default: the packaged drone.yaml)'),
     ('--drone-pose', {'default': '/odometry', 'metavar': 'NAME'},
-        "topic of the drone's pose for --mount, of type Odometry or PoseStamped (default: "
+        "topic with the drone's pose for --mount, of type Odometry or PoseStamped (default: "
         '%(default)s)'),
     ('--imu', {'default': '/imu', 'metavar': 'NAME'},
         'topic of the IMU for --mount (default: %(default)s)'),
@@ -101,7 +102,7 @@ _NAME = 'calibrator'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the calibrator; return exit status 0, or 2 if an input is invalid."""
+    """Run the calibrator; return 0, or 2 for an invalid input."""
     parser = calibrator_parser(_NAME, __doc__)
     options = parser.parse_args(without_ros_arguments(arguments))
     if not options.bag:
@@ -135,8 +136,8 @@ def _run(options: argparse.Namespace) -> int:
     except np.linalg.LinAlgError as error:
         print_error(
             _NAME,
-            f'the calibration failed ({error}): check that marker positions and '
-            'joint states are plausible',
+            f'the calculation failed ({error}): check that marker positions and joint states are '
+            'plausible',
         )
         return USER_ERROR
     return 0

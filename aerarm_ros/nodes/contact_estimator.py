@@ -48,7 +48,7 @@ PARAMETERS = state_node_parameters(
 
 
 class ContactEstimatorNode(StateNode):
-    """Estimate external torque and contact from joint states, and publish the estimates."""
+    """Node that estimates external torque and contact from joint states, and publishes both."""
 
     answers_every_state = False
     # No joint state may be left out; the queue holds the states of half a second.
@@ -82,7 +82,7 @@ class ContactEstimatorNode(StateNode):
         self._report: ContactReport | None = None
 
     def connect(self) -> None:
-        """Create the publishers of torque and contact."""
+        """Create the publishers of external torque, contact, confidence and contact force."""
         self._torque = self.advertise(topics.EXTERNAL_TORQUE)
         self._contact = self.advertise(topics.CONTACT)
         self._confidence = self.advertise(topics.CONTACT_CONFIDENCE)
@@ -111,7 +111,7 @@ class ContactEstimatorNode(StateNode):
         return super().warning() or self._detector.problem
 
     def describe(self) -> dict[str, object]:
-        """Return the newest estimates of torque and contact for /diagnostics."""
+        """Return the newest contact estimate, for /diagnostics."""
         described: dict[str, object] = {
             **super().describe(),
             'contacts': sum(event.cause is Cause.CONTACT for event in self._detector.events),

@@ -51,7 +51,7 @@ def _run(options: argparse.Namespace) -> int:
     except OSError as error:
         reason = error.strerror or error
         print(
-            f'demo cannot write to {out} ({reason}): pass another folder with --out',
+            f'demo: cannot write to the folder {out} ({reason}): pass another folder with --out',
             file=sys.stderr,
         )
         return USER_ERROR
@@ -89,8 +89,8 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument('--periods', type=_at_least_one, default=2,
         help='number of periods of each trajectory, 10 s each (default: 2)')  # fmt: skip
     parser.add_argument('--pace', choices=(KEEP_UP, LOCKSTEP), default=KEEP_UP,
-        help='value of the parameter pace of fake_hardware, which determines the speed of the '
-             'simulation (default: %(default)s)')  # fmt: skip
+        help='parameter pace of the node fake_hardware, which controls the speed of simulation '
+             'time (default: %(default)s)')  # fmt: skip
     parser.add_argument('--priority', type=int, default=80,
         help='SCHED_FIFO priority of the bridge; 0 selects the ordinary scheduler (default: '
              '%(default)s)')  # fmt: skip

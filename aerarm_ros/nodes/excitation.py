@@ -1,4 +1,4 @@
-"""Move the arm along an excitation trajectory.
+"""Move the arm along an excitation trajectory, to identify the dynamics of the arm.
 
 Usage: ros2 run aerarm_ros excitation --ros-args -p seed:=1 -p periods:=2
 """
@@ -90,7 +90,7 @@ PARAMETERS = ParameterTable(
 
 
 class ExcitationNode:
-    """Wait until the arm is ready, plan the motion from its present posture, and play it.
+    """Node that waits until the arm is ready, then plans and plays the excitation motion.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ class ExcitationNode:
         self._conclude()
 
     def _get_trajectory(self) -> FourierTrajectory:
-        """Load a trajectory or draw a random feasible one, and write it to the file `save`."""
+        """Load a trajectory or draw a feasible random one; write it to the file `save`."""
         values, setup = self._parameters, self._setup
         if values.trajectory:
             file = TrajectoryFile.load(values.trajectory)
@@ -197,14 +197,14 @@ class ExcitationNode:
         return trajectory
 
     def _within_rotors(self, trajectory: FourierTrajectory) -> FourierTrajectory:
-        """Return the trajectory, slowed down if the rotors of the drone require it."""
+        """Return the trajectory, slowed down if the drone's rotors could not balance it."""
         slowed = self._setup.planner.slowed(trajectory, self._periods, self._slowdown)
         factor = slowed.period / trajectory.period
         if factor > 1.0:
             self._slowed = f'{factor:.2f} times'
             print(
-                f'{NAME}: the motion is slowed down to respect the limits for rotors and heading '
-                'of the drone (parameters rotor_share and heading_max): a period takes '
+                f"{NAME}: the motion is slower than designed, to stay within the drone's rotor "
+                'limits (parameters rotor_share and heading_max): a period takes '
                 f'{slowed.period:.1f} s instead of {trajectory.period:.1f} s ({factor:.2f} times '
                 'as long)',
                 flush=True,

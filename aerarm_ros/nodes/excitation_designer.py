@@ -1,4 +1,4 @@
-"""Design a trajectory for the node `excitation`, without running ROS nodes.
+"""Design an excitation trajectory for the `excitation` node; needs no running ROS.
 
 Usage: ros2 run aerarm_ros excitation_designer --out trajectory.yaml --preview trajectory.html
 """
@@ -18,7 +18,7 @@ NAME = 'excitation_designer'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Design a trajectory; return 0 if it was written, 2 for an invalid input, 130 after a stop."""
+    """Design a trajectory; return 0, 2 for an invalid input, or 130 if a signal stopped the run."""
     stops: list[bool] = []
     with StopSignals(lambda: stops.append(True)):
         # Imported here, because loading the libraries takes seconds, and Ctrl-C must already work
@@ -57,8 +57,8 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         '--condition-limit',
         type=float,
         default=26.0,
-        help=f'largest permitted condition number, thesis (5.2), for --objective {BOTH} (default: '
-        '%(default)s)',
+        help=f'largest condition number, equation (5.2) of the thesis, for --objective {BOTH} '
+        '(default: %(default)s)',
     )
     add('--fundamental', type=float, default=0.1,
         help='fundamental frequency f0 of the trajectory [Hz] (default: %(default)s)')  # fmt: skip
@@ -87,17 +87,18 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add('--time-limit', type=float, default=55.0,
         help='time limit of the search [s] (default: %(default)s)')  # fmt: skip
     add('--excitation-config', type=Path,
-        help="YAML file with the obstacles, and with the fraction of each of the arm's limits that "
-             'the motion may use')  # fmt: skip
+        help='YAML file with clearances, and with the fraction of each joint limit that the '
+             'motion may use (default: the packaged file)')  # fmt: skip
     add('--config', type=Path,
         help='arm configuration with motors and gears (default: the packaged file)')  # fmt: skip
     add('--urdf', type=Path,
-        help='URDF of another arm. Without --config, the limits in the URDF and in the options '
-             'below apply')  # fmt: skip
+        help='URDF of another arm. Without --config, the limits come from this URDF and from '
+             'the limit options below')  # fmt: skip
     add('--locked', nargs='*', default=[],
         help='joints of --urdf that the model treats as fixed, for example fingers')  # fmt: skip
     add('--package-directory', type=Path, action='append', default=[],
-        help='folder in which to search for the package:// meshes of the URDF')  # fmt: skip
+        help='folder in which to search for meshes that the URDF names by package:// '
+             'addresses')  # fmt: skip
     for name, what in (
         ('acceleration-limit', 'largest joint acceleration [rad/s^2]'),
         ('current-limit', 'largest motor current [A]; needs --torque-per-ampere'),

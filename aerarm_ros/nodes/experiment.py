@@ -1,8 +1,8 @@
 """Compare the controllers of section 5.4 of the thesis on a simulated arm.
 
-The arm follows a trajectory with gravity compensation and with computed torque, with CAD and with
-true parameters, with and without disturbance observer. The base of the arm is still, tilted or
-moving. The program prints a table of tracking errors and writes an HTML page.
+The arm follows a trajectory with gravity compensation and with computed torque. Each controller
+uses CAD or true parameters, and runs with or without disturbance observer. The base of the arm is
+still, tilted or moving. The program prints a table of tracking errors and writes an HTML page.
 """
 
 import argparse
@@ -39,7 +39,7 @@ FUNDAMENTAL, HARMONICS = 0.1, 5
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Simulate all cases and write the page of results; return the exit status."""
+    """Run all cases, write the HTML page of results, and return the exit status."""
     options = _parse(arguments)
     try:
         config, robot = load_arm_config(), load_robot()
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 for index, run in enumerate(runs, start=1):
                     _print_run(report, run, f'{index}/{len(cases)}')
     except KeyboardInterrupt:
-        print_error(NAME, 'interrupted, so no page was written')
+        print_error(NAME, 'interrupted, so the program wrote no page')
         return INTERRUPTED
     except RuntimeError as error:
         print(f'{NAME}: {error}', file=sys.stderr)
@@ -71,17 +71,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print('\n' + report.text())
     path = options.out / 'controllers.html'
     note = (
-        f'The motion is random, with five harmonics of the fundamental frequency {FUNDAMENTAL} Hz '
-        f'(seed {options.seed}). Parameters of the simulated arm: {origin}. In the name of a case, '
-        '"true" means that the controller uses the parameters of the simulated arm. RMS and max '
-        'are errors during the periodic motion. "Final" is the error one second after the motion; '
-        'without integral action, dry friction causes this error.'
+        f'The motion is a random trajectory with five harmonics of {FUNDAMENTAL} Hz (seed '
+        f'{options.seed}). Parameters of the simulated arm: {origin}. "True" means that the '
+        'controller uses the parameters of the simulated arm. RMS and max are errors during the '
+        'periodic motion. "Final" is the error one second after the motion; dry friction leaves an '
+        'offset unless the controller has integral action.'
     )
     try:
         report.write(path, note)
     except OSError as error:
         print_error(
-            NAME, f'{path} cannot be written ({error.strerror}): check permissions and free space'
+            NAME,
+            f'cannot write the page {path} ({error.strerror}): check permissions and free space',
         )
         return 1
     print(f'\nPage      {path}')
@@ -96,7 +97,7 @@ def _cases(text: str) -> list[ExperimentCase]:
     cases = [case for case in all_cases() if text in case.name]
     if not cases:
         names = '; '.join(case.name for case in all_cases())
-        raise ValueError(f'no case has a name that contains --only {text!r}: choose from {names}')
+        raise ValueError(f'no case has a name that contains {text!r} (--only): choose from {names}')
     return cases
 
 
@@ -112,14 +113,16 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         default=0.15,
         help='largest Fourier coefficient of the trajectory [rad] (default: %(default)s)',
     )
-    parser.add_argument('--only', default='', help='run only cases whose name contains this text')
+    parser.add_argument(
+        '--only', default='', metavar='TEXT', help='run only cases whose name contains TEXT'
+    )
     plant = parser.add_mutually_exclusive_group()
     plant.add_argument('--arm-seed', type=int, default=7,
         help="seed of the simulated arm's random parameters (default: %(default)s)")  # fmt: skip
     plant.add_argument(
         '--identified',
         type=optional_path,
-        help='URDF of an identified model; the simulated arm has the parameters of this model',
+        help='URDF of an identified model, whose parameters the simulated arm uses',
     )
     return parser.parse_args(arguments)
 
@@ -127,10 +130,10 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 def _truth(
     config: ArmConfig, robot: Robot, options: argparse.Namespace
 ) -> tuple[PlantParameters, str]:
-    """Return the parameters of the simulated arm, and a text with their source."""
+    """Return the parameters of the simulated arm, and a text that names their source."""
     nominal = PlantParameters.nominal(config, robot)
     if options.identified is None:
-        return nominal.perturbed(options.arm_seed), f'a random arm with the seed {options.arm_seed}'
+        return nominal.perturbed(options.arm_seed), f'random, with seed {options.arm_seed}'
     identified = load_robot(options.identified, joint_names=config.joint_names)
     truth = replace(
         nominal,
@@ -156,7 +159,7 @@ def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> Ram
 def _print_run(report: ExperimentReport, run: ExperimentRun, progress: str) -> None:
     name, joints, _, _, tool, *_ = report.add(run)
     print(
-        f'{progress:>6}  {name}: RMS error of the joints {joints} mrad, of the tool {tool} mm',
+        f'{progress:>6}  {name}: RMS error of joints {joints} mrad, of the tool {tool} mm',
         flush=True,
     )
 

@@ -1,4 +1,4 @@
-"""Bridge with emulated boards: the same software as on a real arm drives a simulated arm."""
+"""Run the bridge with emulated motor boards, which drive a simulated arm."""
 
 from __future__ import annotations
 

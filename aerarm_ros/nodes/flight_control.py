@@ -1,8 +1,9 @@
 """Fly the drone that carries the arm, by odometry and IMU, and compensate the arm's motion.
 
 The node replaces an autopilot in emulation and on test benches. Set points arrive on
-flight_set_point or flight_trajectory. Without set points the drone hovers where the first odometry
-places it. The node feeds forward arm_inertia and base_wrench_motion from base_reaction.
+flight_set_point or flight_trajectory. Without set points the drone hovers at the position of the
+first odometry message. The node feeds forward arm_inertia and base_wrench_motion from the node
+base_reaction.
 """
 
 import sys
@@ -54,12 +55,12 @@ PARAMETERS = ParameterTable(*ARM_FILES, DRONE_FILE, *FLIGHT_PARAMETERS, *REAL_TI
 
 
 class FlightControlNode:
-    """Answer every odometry message with the thrusts that the rotors must produce.
+    """Node that answers every odometry message with the thrust of each rotor.
 
     Without odometry the node levels the drone by the IMU's attitude, and the drone sinks slowly.
     Without odometry and IMU the node sends no command, so the rotors stop. After a permanent jump
-    of the odometry the drone hovers where it is, because older set points refer to the former
-    frame.
+    of the odometry the drone hovers at its present position, because older set points refer to the
+    frame before the jump.
     """
 
     def __init__(self) -> None:
@@ -97,7 +98,7 @@ class FlightControlNode:
         create_steady_timer(self.node, PERIOD, self._report)
 
     def run(self) -> None:
-        """Fly until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        """Control the drone until SIGINT, SIGTERM, SIGHUP or a shutdown."""
         with StopSignals(self._on_stop), BackgroundExecutor(self.node):
             prepare_thread(self.values, self.node.get_logger())
             while not self._stopping and rclpy.ok():
@@ -107,9 +108,7 @@ class FlightControlNode:
                     self._take()
                 else:
                     self._note_silence()
-        print_answer(
-            f'{NAME}: {self._answers} rotor commands sent, {self._rejections} inputs rejected'
-        )
+        print_answer(f'{NAME}: {self._answers} commands sent, {self._rejections} inputs rejected')
 
     def close(self) -> None:
         """Destroy the node."""
@@ -117,7 +116,7 @@ class FlightControlNode:
         self.node.destroy_node()
 
     def _is_settling(self) -> bool:
-        """Start the autopilot's firmware before flight; return whether it is still starting."""
+        """Advance the start of the autopilot firmware; return whether the start is unfinished."""
         law = self._law
         if not isinstance(law, FirmwareFlight) or not law.is_settling:
             return False
@@ -144,7 +143,7 @@ class FlightControlNode:
         self._fly(stamp_ns)
 
     def _wait_for_arm(self) -> None:
-        """Wait for a late arm forecast; after a time-out, wait no more until one is on time."""
+        """Wait for a late arm forecast; after a time-out, do not wait until one is on time."""
         if not self._is_forecast_late():
             self._waits_for_arm = True
             return
@@ -162,12 +161,12 @@ class FlightControlNode:
             self._try(self._requests.popleft())
 
     def _is_forecast_late(self) -> bool:
-        """Return whether the newest forecast of the arm's motion ends before the present time."""
+        """Return whether the forecast of the arm's motion is late."""
         now = self._estimator.stamp
         return now is not None and self._arm.is_late(now)
 
     def _fly(self, stamp_ns: int) -> None:
-        """Command the rotors in answer to odometry with this stamp [ns], if the state is known."""
+        """Send the rotor command that answers the odometry stamped `stamp_ns` [ns]."""
         now = self._estimator.stamp
         if now is None:
             return
@@ -218,15 +217,15 @@ class FlightControlNode:
     def _go_along(self, message: MultiDOFJointTrajectory) -> None:
         if self._target is None:
             raise RejectedInputError(
-                'flight_trajectory rejected, because the position of the drone is not known yet: '
-                'check the odometry topic'
+                'flight_trajectory rejected, because the position of the drone is unknown: check '
+                'the odometry topic'
             )
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         begin = stamp or self._time
         if not -_LATEST < begin - self._time < _EARLIEST:
             raise RejectedInputError(
                 f'flight_trajectory rejected, because its stamp is {begin - self._time:+.1f} s '
-                'from now: set the stamp to zero ("now"), and check the clocks'
+                'from now: set the stamp to zero ("now"), or check the clocks of both computers'
             )
         self._path = begin, to_path(message, self._stream.frame, self._target)
 
@@ -260,8 +259,8 @@ class FlightControlNode:
         if not self._late - late > 0.5 * (self._answers - answers):
             return ''
         return (
-            'arm forecasts are late or missing, so the arm motion is compensated late or not at '
-            'all: check base_reaction, and set its parameter lead to '
+            'forecasts of the arm motion are late or missing, so the drone compensates this motion '
+            'late or not at all: check base_reaction, and set its parameter lead to '
             f'{self._arm.preview + _PUBLISHED:.3f} s or more'
         )
 

@@ -67,7 +67,7 @@ PARAMETERS = ParameterTable(
 
 
 class GroundLink:
-    """Node at one end of the connection: on the drone's computer or on the ground computer.
+    """Node that relays messages between drone and ground; one instance runs on each computer.
 
     Attributes
     ----------
@@ -90,8 +90,8 @@ class GroundLink:
         if is_drone and not path.exists():
             make_key(path)
             self._node.get_logger().info(
-                f'the shared key {path} was created: copy this file to the same path on the ground '
-                'computer'
+                f'created the file {path} with the shared key: copy this file to the same path on '
+                'the ground computer'
             )
         key = read_key(path)
         self._end = (DroneEnd if is_drone else GroundEnd)(self._node, values, key)

@@ -1,4 +1,4 @@
-"""Bridge between boards and ROS: exchange one SPI frame with each board every millisecond."""
+"""Connect the motor boards with ROS: exchange one SPI frame with each board every millisecond."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from aerarm_ros.ros.process.node_main import run_node
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the bridge on the SPI boards."""
+    """Run the bridge with the boards on the SPI bus."""
     return run_node('hardware_bridge', HardwareBridge, args, PARAMETERS, __doc__)
 
 

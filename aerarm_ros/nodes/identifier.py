@@ -67,8 +67,8 @@ def _run(options: argparse.Namespace) -> int:
         return _report(error)
     except np.linalg.LinAlgError as error:
         return _report(
-            f'the identification failed ({error}): check that the joint states, and masses and '
-            'inertias in the URDF are plausible'
+            f'the calculation failed ({error}): check that masses and inertias of the URDF, and '
+            'joint states, are plausible'
         )
     return 0 if run.passed else _LIMIT_EXCEEDED
 

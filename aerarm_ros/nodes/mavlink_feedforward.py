@@ -3,7 +3,7 @@
 The node is for vehicles without MAVROS and without a DDS agent. Set points arrive repeatedly on
 flight_set_point, or once on flight_trajectory. The node publishes the autopilot's odometry, imu and
 rotor_command for the arm. Only the services ~/arm, ~/disarm and ~/offboard arm the autopilot or
-change its mode; ~/offboard requests ArduCopter's guided mode.
+change its mode; for ArduCopter, ~/offboard requests the guided mode.
 """
 
 import sys
@@ -116,7 +116,7 @@ class MavlinkFeedforward:
     Raises
     ------
     ValueError
-        If the line cannot be opened, no drone is given, or the output channels are wrong.
+        If the connection cannot be opened, drone_file is empty, or output_channels is invalid.
     """
 
     def __init__(self) -> None:
@@ -198,8 +198,8 @@ class MavlinkFeedforward:
             messages = self._line.messages(patience)
         except OSError as error:
             raise ValueError(
-                f'connection {self.values.connection!r} failed ({error.strerror}): check '
-                'that the device is plugged in'
+                f'the connection {self.values.connection!r} to the autopilot failed '
+                f'({error.strerror}): check that the device is plugged in'
             ) from None
         now = time.monotonic()
         for message in messages:
@@ -255,7 +255,7 @@ class MavlinkFeedforward:
         self._sent += 1
 
     def _link_problem(self, now: float) -> str:
-        """Return why the node must not send set points to the autopilot, or '' if it may."""
+        """Return why the node must not send set points to the autopilot, or an empty string."""
         found, wanted = self._autopilot.firmware, self.values.firmware
         if not self._autopilot.is_linked(now):
             return (
@@ -293,15 +293,16 @@ class MavlinkFeedforward:
             state = self._autopilot.state(now)
             if state is None:
                 raise RejectedInputError(
-                    'flight_trajectory arrived before the autopilot reported a position: wait for '
-                    'its position estimate'
+                    'flight_trajectory rejected, because the autopilot reports no position yet: '
+                    'wait for its position estimate, then send the trajectory again'
                 )
             stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
             delay = stamp - 1e-9 * self._clock.now_ns() if stamp else 0.0
             if not -1.0 < delay < 60.0:
                 raise RejectedInputError(
-                    f'the stamp of flight_trajectory is {delay:+.1f} s from now, but must be from '
-                    '-1 to 60 s: set the stamp to zero ("now"), or synchronize the clocks'
+                    f'flight_trajectory rejected, because its stamp is {delay:+.1f} s from now '
+                    '(accepted: -1 to 60 s): set the stamp to zero ("now"), or synchronize the '
+                    'clocks'
                 )
             self._path = now + delay, to_path(message, _WORLD, FlightTarget.here(state))
 
@@ -315,7 +316,7 @@ class MavlinkFeedforward:
             return response
         if self._answered is not None:
             response.message = (
-                "another request waits for the autopilot's answer: repeat this request later"
+                "an earlier request still waits for the autopilot's answer: call again later"
             )
             return response
         ask()
@@ -323,8 +324,8 @@ class MavlinkFeedforward:
         await self._answered  # set points continue meanwhile
         self._answered = None
         response.success = self._autopilot.reply == 'accepted'
-        response.message = self._autopilot.reply or (
-            f'the autopilot did not answer within {_REPLY:g} s'
+        response.message = (
+            self._autopilot.reply or f'the autopilot did not answer within {_REPLY:g} s'
         )
         if not response.success and self._autopilot.text:
             response.message += f': {self._autopilot.text}'
@@ -350,7 +351,7 @@ class MavlinkFeedforward:
             self.node.get_logger().warning(f'rejected: {error}', throttle_duration_sec=1.0)
 
     def _problem(self, now: float) -> str:
-        """Return the most important problem for /diagnostics, or '' if there is none."""
+        """Return the most important problem for /diagnostics, or an empty string."""
         ahead, self._ahead = self._ahead, None
         if problem := self._link_problem(now):
             return problem
@@ -387,7 +388,7 @@ class MavlinkFeedforward:
 
 
 def _channels(values: Any, drone: DroneConfig) -> list[int]:
-    """Return each rotor's index in the autopilot's outputs; raise ValueError for invalid values."""
+    """Return the autopilot output index of each rotor; raise ValueError for invalid parameters."""
     given, count = list(values.output_channels), drone.n
     most = 16 if values.firmware == ARDUPILOT else 32
     if not given and values.firmware == ARDUPILOT and values.output_rate > 0.0:
@@ -398,12 +399,14 @@ def _channels(values: Any, drone: DroneConfig) -> list[int]:
     given = given or list(range(1, count + 1))
     if len(given) != count or len(set(given)) != count or not all(0 < x <= most for x in given):
         raise ValueError(
-            f'output_channels = {given}: set {count} different numbers from 1 to {most}, one per '
-            'rotor'
+            f'the parameter output_channels is {given}: set {count} different numbers from 1 to '
+            f'{most}, one per rotor'
         )
     low, high = [*values.output_range, 0.0, 0.0][:2]
     if len(values.output_range) != 2 or not high > low:
-        raise ValueError(f'output_range = {values.output_range}: set two increasing numbers')
+        raise ValueError(
+            f'the parameter output_range is {values.output_range}: set two increasing numbers'
+        )
     return [channel - 1 for channel in given]
 
 

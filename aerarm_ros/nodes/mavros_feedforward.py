@@ -1,7 +1,8 @@
 """Add the acceleration that compensates the arm's motion to the set points for MAVROS.
 
 The node subscribes to `setpoint_raw/local` and publishes on /mavros/setpoint_raw/local at 100 Hz;
-it needs mavros_msgs. The autopilot's hover thrust carries the arm's weight.
+it needs mavros_msgs. The node does not compensate the arm's weight, because the autopilot's hover
+thrust includes this weight.
 """
 
 import copy
@@ -42,7 +43,7 @@ _ZERO, _ALL = np.zeros(3), np.full(3, True)
 
 
 class MavrosFeedforward(SetPointNode):
-    """Feedforward node that publishes set points for MAVROS, in ROS's axes."""
+    """Feedforward node that publishes set points for MAVROS, in the axes of ROS (ENU, FLU)."""
 
     def __init__(self) -> None:
         advice = 'run sudo apt install ros-jazzy-mavros-msgs, or use the node px4_feedforward'
@@ -64,7 +65,7 @@ class MavrosFeedforward(SetPointNode):
     def with_acceleration(
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
-        """Return the PositionTarget with an added acceleration; may raise RejectedInputError."""
+        """Return a PositionTarget with the acceleration added, or raise RejectedInputError."""
         if self.values.firmware == PX4:
             return add_acceleration(set_point, acceleration, now_ns)
         dt, self._last_ns = 1e-9 * max(now_ns - self._last_ns, 0), now_ns
@@ -82,8 +83,9 @@ def add_to_loop(
 ) -> Any:
     """Add an acceleration (3,) [m/s^2], east-north-up, to a PositionTarget for ArduCopter.
 
-    A position moves by the offset for which ArduCopter's loop commands the acceleration; without a
-    position the acceleration is added. Raises RejectedInputError as `add_acceleration` does.
+    A set point with a position is moved by the offset for which ArduCopter's position loop commands
+    the acceleration. Otherwise the function adds the acceleration itself. Raises RejectedInputError
+    as `add_acceleration` does.
     """
     has_position = not set_point.type_mask & _POSITION.sum()
     push = moved.acceleration if has_position else acceleration
@@ -112,8 +114,8 @@ def add_acceleration(
     frames = _FRAMES[firmware]
     if set_point.coordinate_frame not in frames:
         raise RejectedInputError(
-            f'set point rejected: coordinate_frame is {set_point.coordinate_frame}, but '
-            f'accelerations for {firmware} need {" or ".join(frames.values())}'
+            f'set point rejected, because its coordinate_frame is {set_point.coordinate_frame}: '
+            f'for {firmware}, set {" or ".join(frames.values())}'
         )
     if set_point.type_mask & _IS_FORCE:
         raise RejectedInputError(
@@ -136,7 +138,7 @@ def add_acceleration(
 
 
 def _fill(vector: Any, given: NDArray[np.bool_], added: NDArray[np.float64] = _ZERO) -> None:
-    """Add a vector to a Vector3, whose axes count as 0 if they are not `given`."""
+    """Add an array to a Vector3 message; message axes that are not `given` count as 0."""
     values = np.where(given, [vector.x, vector.y, vector.z], 0.0) + added
     vector.x, vector.y, vector.z = values.tolist()
 

@@ -104,7 +104,7 @@ def plan_settings(values: SimpleNamespace) -> dict[str, object]:
 
 
 def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> MotionPlanner:
-    """Create the planner; raises ValueError for invalid parameters."""
+    """Create the planner; raise ValueError for an invalid parameter or file."""
     model = EnergyModel(config, robot, values.rotor_inertia or None, load_share(values, robot))
     setup = load_setup(values, config, robot)
     planner = MotionPlanner(model, setup, PlanSettings(**plan_settings(values)))  # type: ignore[arg-type]
@@ -122,7 +122,7 @@ _REST_SPEED = 0.05  # [rad/s] a faster joint moves
 
 
 class MotionPlannerNode:
-    """Receive goals, plan motions with `MotionPlanner`, and publish the motions as trajectories.
+    """Node that receives goals, plans motions with `MotionPlanner`, and publishes trajectories.
 
     Attributes
     ----------
@@ -206,7 +206,8 @@ class MotionPlannerNode:
         if self._state is None:
             missing = ', '.join(self._states.missing)
             raise PlanError(
-                f'joint_states lacks the joint {missing}: check the parameters config and tf_prefix'
+                f'joint_states lacks the joints {missing}: check the parameters config and '
+                'tf_prefix'
                 if missing
                 else 'no joint_states received: start the bridge'
             )

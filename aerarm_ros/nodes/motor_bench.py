@@ -1,4 +1,6 @@
-"""Measure friction, inertia, torque constant, resistance and backlash of drives, thesis 4.4.
+"""Measure friction, inertia, torque constant, resistance and backlash of each drive.
+
+Section 4.4 of the thesis describes the method.
 
 Usage: ros2 run aerarm_ros motor_bench --ros-args -p joints:="[joint4]" -p out:=DIRECTORY
 """
@@ -110,7 +112,7 @@ PARAMETERS = ParameterTable(
 
 
 class MotorBenchNode:
-    """Move one joint at a time, measure the drives, and write their parameters to files.
+    """Node that moves one joint at a time, measures the drives, and writes the results to files.
 
     Attributes
     ----------
@@ -155,7 +157,8 @@ class MotorBenchNode:
             )
         if len(values.posture) not in (0, len(names)):
             raise ExcitationError(
-                f'posture has {len(values.posture)} values: set {len(names)} values, or none'
+                f'the parameter posture has {len(values.posture)} values: set {len(names)} values, '
+                'one per joint, or none'
             )
         self._known = self._known_mass()
         earlier = values.without_mass
@@ -176,7 +179,7 @@ class MotorBenchNode:
                 print(f'{NAME}: {directory.target / "report.html"}', flush=True)
             except KeyboardInterrupt:
                 self.status = INTERRUPTED
-                print(f'{NAME}: stopped, no files were written', file=sys.stderr, flush=True)
+                print(f'{NAME}: stopped, so it wrote no files', file=sys.stderr, flush=True)
             except (ExcitationError, IdentificationError, BagError) as error:
                 print(f'{NAME}: {error}', file=sys.stderr, flush=True)
 
@@ -221,8 +224,8 @@ class MotorBenchNode:
             return None
         if len(values.known_mass_position) != 3:
             raise ExcitationError(
-                f'known_mass_position has {len(values.known_mass_position)} values: set x, y and z '
-                '[m]'
+                f'the parameter known_mass_position has {len(values.known_mass_position)} values: '
+                'set x, y and z [m]'
             )
         return KnownMass(values.known_mass, tuple(values.known_mass_position), values.lever)
 

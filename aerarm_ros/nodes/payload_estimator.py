@@ -6,8 +6,8 @@ estimated friction on `joint_friction`, both at 50 Hz. The estimate does not inc
 second before the first estimate.
 
 With --bag DIR the program estimates the payload from recordings (--bag DIR --help lists the
-options). With --trend FILE it prints how the friction in `friction_file` has changed. Both need no
-running ROS.
+options). With --trend FILE the program prints how the friction in that `friction_file` has
+changed. Both options need no running ROS.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ PARAMETERS = state_node_parameters(
 
 
 class PayloadEstimatorNode(StateNode):
-    """Estimate the payload from joint states with `PayloadEstimator`, and publish the estimate."""
+    """Node that estimates the payload from joint states, and publishes the estimate."""
 
     answers_every_state = False
     # No joint state may be left out; the queue holds the states of half a second.
@@ -81,7 +81,7 @@ class PayloadEstimatorNode(StateNode):
         self._held_since: float | None = None
 
     def connect(self) -> None:
-        """Create the publishers of the estimates, and subscribe to the mode of the arm."""
+        """Create the publishers of payload and friction, and subscribe to the arm's mode."""
         self._payload = self.advertise(topics.PAYLOAD)
         self._friction = self.advertise(topics.JOINT_FRICTION)
         n, names = self.arm.robot.n, self.arm.config.joint_names
@@ -119,7 +119,7 @@ class PayloadEstimatorNode(StateNode):
         return super().warning() or self._estimator.problem or unwritten
 
     def describe(self) -> dict[str, object]:
-        """Return the last valid estimate for /diagnostics."""
+        """Return the last valid estimate of payload and friction, for /diagnostics."""
         report = {**super().describe(), 'detected changes': self._estimator.changes}
         report |= self._log.describe() if self._log is not None else {}
         estimate = self._estimator.estimate
@@ -148,7 +148,7 @@ class PayloadEstimatorNode(StateNode):
         return FrictionLog(Path(values.friction_file), names, values.friction_interval)
 
     def _pause(self, now: float) -> bool:
-        """Return whether to ignore the torques: the base or the arm's mode makes them unusable."""
+        """Return whether unknown forces may act on the arm, so that the estimator must pause."""
         if self.base.problem(now):
             return True
         if self._mode and self._mode not in HELD:

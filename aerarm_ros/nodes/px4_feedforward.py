@@ -1,10 +1,10 @@
 """Add the acceleration that compensates the arm's motion to the set points for PX4.
 
 The node subscribes to `trajectory_setpoint` and publishes on /fmu/in/trajectory_setpoint at 100
-Hz; it needs px4_msgs. PX4's estimate of the hover thrust carries the arm's weight. PX4 leaves
-offboard mode if messages on /fmu/in/offboard_control_mode stop, but does not monitor set points.
-So this node also publishes /fmu/in/offboard_control_mode while set points arrive; no other node
-should do so.
+Hz; it needs px4_msgs. The node does not compensate the arm's weight, because PX4's estimate of the
+hover thrust includes this weight. PX4 leaves offboard mode if messages on
+/fmu/in/offboard_control_mode stop, but does not monitor set points. So this node also publishes on
+/fmu/in/offboard_control_mode while set points arrive. No other node should publish on that topic.
 """
 
 import copy
@@ -36,8 +36,8 @@ class Px4Feedforward(SetPointNode):
 
     def __init__(self) -> None:
         advice = (
-            'build the package in the workspace and source the workspace, or use MAVROS and '
-            'the node mavros_feedforward'
+            'build px4_msgs in the workspace and source the workspace, or use MAVROS and '
+            'mavros_feedforward'
         )
         super().__init__(NAME, PARAMETERS, 'px4_msgs', advice)
         self._offboard_mode: Any = None
@@ -58,7 +58,7 @@ class Px4Feedforward(SetPointNode):
         return attitude_ned_frd_to_enu_flu([x, y, z, w])
 
     def publish(self, set_point: Any, now_ns: int) -> None:
-        """Publish the message OffboardControlMode, which PX4 requires, then the set point."""
+        """Publish the OffboardControlMode message that PX4 monitors, then the set point."""
         if self._offboard_mode is not None:
             mode = self._offboard_mode.msg_type()
             mode.timestamp = now_ns // 1000
@@ -89,7 +89,7 @@ def add_acceleration(set_point: Any, acceleration: NDArray[np.float64], now_ns: 
 
 
 def controlled_quantity(set_point: Any) -> str:
-    """Return the quantity that a set point controls, named as in OffboardControlMode."""
+    """Return the quantity that a set point controls: the name of a field of OffboardControlMode."""
     names = ('position', 'velocity', 'acceleration')
     given = (name for name in names if not np.isnan(getattr(set_point, name)).all())
     return next(given, 'acceleration')

@@ -40,10 +40,10 @@ PARAMETERS = ParameterTable(
 
 
 class Px4Imu:
-    """Publish one message on `imu` per SensorCombined message, with the newest attitude.
+    """Node that publishes one `imu` message per SensorCombined message, with the newest attitude.
 
-    If no attitude has arrived for 0.2 s, the messages on `imu` are marked as messages without
-    attitude. /diagnostics contains the numbers of received messages.
+    If no attitude has arrived for 0.2 s, the `imu` messages state that they contain no attitude.
+    /diagnostics contains the numbers of received messages.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Record the topics of the suite into an MCAP bag, at full rate and without conversion.
+"""Record the topics of this suite into an MCAP bag, at full rate and without conversion.
 
 Usage: ros2 run aerarm_ros recorder --ros-args -p bag:=DIRECTORY
 """
@@ -51,11 +51,11 @@ _STATUS_PERIOD = 0.1  # [s]
 
 
 class Recorder:
-    """Record a bag, and report the state of the recording.
+    """Node that records a bag and reports the state of the recording.
 
     Messages on the latched topic `recorder_status` are JSON objects with `state` (recording, stored
     or failed), `bag`, and `matched`, the topics with a discovered publisher. Other nodes wait for
-    this topic before they start a motion. /diagnostics contains the numbers of written and lost
+    such a message before they start a motion. /diagnostics contains the numbers of written and lost
     messages; the bag contains /diagnostics too.
 
     Attributes
@@ -118,7 +118,7 @@ class Recorder:
             self._log_counts()
 
     def close(self) -> None:
-        """Complete the bag if this was not done yet, and destroy the node."""
+        """Complete the bag if it is still incomplete, and destroy the node."""
         try:
             self._feed.complete()
         except BagError as error:
@@ -158,7 +158,7 @@ class Recorder:
             self._node.get_logger().warning(text)
 
     def _publish_recorded_until(self) -> None:
-        """Publish the stamp of the newest recorded joint state, for which an emulation may wait."""
+        """Publish the stamp of the newest recorded joint state; a simulation waits for it."""
         until = self._feed.until()
         if until:
             self._until.publish(until)

@@ -41,7 +41,7 @@ PARAMETERS = ParameterTable(
 
 
 class ToolPath:
-    """Compute tool positions from joint states, and publish the newest positions as a path.
+    """Node that computes tool positions from joint states, and publishes them as a path.
 
     Attributes
     ----------

@@ -61,11 +61,11 @@ PARAMETERS = ParameterTable(
 
 
 class ViewError(ValueError):
-    """The page cannot be served; the message states what to do."""
+    """Error if the server of the page cannot start; the message states what to do."""
 
 
 class View:
-    """Display the topics of the arm on a web page.
+    """Node that shows the topics of the arm on a web page.
 
     Attributes
     ----------
@@ -128,14 +128,13 @@ class View:
         print(f'{NAME}: open {address} in a browser', flush=True)
         if not is_loopback(self._values.host):
             self._node.get_logger().warning(
-                "the page is open to the network: every person who knows the page's URL can move "
-                'the arm'
+                'the page is open to the network: everyone who knows its URL can move the arm'
             )
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 
     def close(self) -> None:
-        """End the programs that the page started, close the page and destroy the node."""
+        """End the programs that the page started, stop the server and destroy the node."""
         self._commissioning.end()
         self._programs.close()
         with redirect_stdout(StringIO()):
@@ -152,7 +151,9 @@ class View:
             from aerarm_ros.ros.page.view_plots import ViewPlots
             from aerarm_ros.ros.page.view_scene import ViewScene
         except ImportError as error:
-            raise ViewError(f"{error}: run pip install 'viser>=1.1,<2'") from None
+            raise ViewError(
+                f"the web page needs the package viser ({error}): run pip install 'viser>=1.1,<2'"
+            ) from None
         _check_address(self._values.host)
         # Unused connections of a browser are not errors, and `run` prints the address.
         logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
@@ -243,7 +244,7 @@ class View:
             self._diagnostics.add(status.name, ViewStatus(level, status.message, values, now))
 
     def _show_rejection(self, name: str, values: Mapping[str, str]) -> None:
-        """Show once per rejection why a controller has rejected an input."""
+        """Show why a controller rejected an input, once per new rejection."""
         count = values.get('rejected inputs')
         before = self._rejections.get(name)
         if count is not None:

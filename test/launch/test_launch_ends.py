@@ -117,7 +117,7 @@ def test_missing_requirements_are_reported_before_the_start(
 
 @pytest.mark.skipif(is_in_the_index('rviz2'), reason='rviz2 is installed here')
 def test_without_rviz_the_launch_with_rviz_starts_no_arm(ros_domain: dict[str, str]) -> None:
-    assert_refused('bringup', 'rviz:=true', 'rviz:=true: rviz2 is not installed')
+    assert_refused('bringup', 'rviz:=true', 'rviz:=true needs the ROS package rviz2')
 
 
 def assert_refused(file: str, argument: str, reason: str) -> None:

@@ -111,7 +111,7 @@ def test_rviz_is_an_own_package_as_its_frames_are() -> None:
     packages = ('rviz2', 'robot_state_publisher')
     found = missing({**GIVEN, 'rviz': 'true'})
     absent = [package for package in packages if not is_in_the_index(package)]
-    assert [text.split()[1] for text in found] == absent
+    assert [text.split()[5].rstrip(',') for text in found] == absent
     assert all('sudo apt install ros-jazzy-' in text for text in found)
 
 

@@ -139,7 +139,7 @@ def test_writes_table_and_page(tmp_path, capsys, monkeypatch) -> None:
     said = capsys.readouterr()
     assert only in said.out
     assert said.err.count('\n') == 1
-    assert f'{file} cannot be written (Is a directory)' in said.err
+    assert f'cannot write the page {file} (Is a directory)' in said.err
 
 
 def test_an_identified_arm_has_the_friction_of_its_file_and_no_other(tmp_path, monkeypatch) -> None:
@@ -171,7 +171,7 @@ def test_a_missing_model_is_one_clear_line(tmp_path, capsys) -> None:
 @pytest.mark.parametrize(
     ('arguments', 'text'),
     [
-        (['--only', 'nothing'], "no case has a name that contains --only 'nothing': choose from"),
+        (['--only', 'nothing'], "no case has a name that contains 'nothing' (--only): choose from"),
         (['--out', '/proc/experiment'], '/proc/experiment'),
     ],
 )

@@ -244,7 +244,7 @@ def test_a_silent_base_reaction_is_awaited_once(drone: DroneSensors) -> None:
     while len(drone.commands) < answers + 20:  # to wait each time would take longer
         assert time.monotonic() < deadline
         drone.hover(1)
-    drone.hover_until('arm forecasts are late or missing')
+    drone.hover_until('forecasts of the arm motion are late or missing')
 
 
 def test_follows_a_trajectory_and_rejects_an_invalid_one(drone: DroneSensors) -> None:

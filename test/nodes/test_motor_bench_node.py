@@ -84,7 +84,7 @@ def test_sigint_stops_the_arm_and_leaves_nothing(
     with start(tmp_path) as node:
         client.wait_for(lambda: bool(client.states) and abs(client.states[-1].velocity[3]) > 0.5)
         assert node.stop(signal.SIGINT) == 130
-        assert 'stopped, no files were written' in node.tail()
+        assert 'stopped, so it wrote no files' in node.tail()
     client.wait_for(lambda: abs(client.states[-1].velocity[3]) < 0.05)
     assert not (tmp_path / 'results').exists()
 

@@ -1,1 +1,1 @@
-"""Controllers, one executable per file; launch files and the web page use the files' names."""
+"""Controllers, one executable per file; launch files and the web page list them by file name."""

@@ -1,4 +1,4 @@
-"""Follow joint trajectories with computed-torque control, thesis (2.21)."""
+"""Follow joint trajectories with computed-torque control, equation (2.21) of the thesis."""
 
 import sys
 from collections.abc import Sequence
@@ -72,17 +72,17 @@ class ComputedTorqueNode(TrajectoryController):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Check that the law supports `contact_reaction`, then subscribe to the references."""
+        """Check that `feedback` permits `contact_reaction`; subscribe to reference topics."""
         self.check_parameter(REACTION, self.values.contact_reaction)
         super().subscribe()
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Raise ValueError if a gain is invalid, or if `feedback` does not permit the new value."""
+        """Raise ValueError for an invalid gain, or a value that is invalid with `feedback`."""
         is_host = isinstance(self.law, ComputedTorque)
         if name == REACTION and value == Reaction.COMPLY.value and not is_host:
             raise ValueError(
-                "with feedback 'boards' the controller cannot execute the contact reaction "
-                "'comply': set contact_reaction to stop or retreat, or set feedback to 'host'"
+                "with feedback 'boards' the arm cannot comply with contact forces: set "
+                "contact_reaction to 'stop' or 'retreat', or set feedback to 'host'"
             )
         if name in ('kp', 'kd'):
             if not is_host:
@@ -93,7 +93,7 @@ class ComputedTorqueNode(TrajectoryController):
             non_negative(name, scalar_or_array(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Return values for /diagnostics; under a drone also the largest stable command delay."""
+        """Return values for /diagnostics; with a drone also the largest stable command delay."""
         values = super().describe()
         if self.arm.drone is not None and isinstance(self.law, ComputedTorque):
             gains = zip(self.law.kp.tolist(), self.law.kd.tolist(), strict=True)

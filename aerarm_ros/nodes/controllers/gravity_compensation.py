@@ -1,7 +1,7 @@
 """Follow set points and trajectories with gravity compensation, or let a person move the arm.
 
-The control law is thesis (2.14). Set points arrive on the topic set_point. While the parameter
-hand_guiding is true, the gains are zero, so that a person can move the arm by hand.
+The control law is equation (2.14) of the thesis. Set points arrive on the topic set_point. While
+the parameter hand_guiding is true, the gains are zero, so that a person can move the arm by hand.
 """
 
 import sys
@@ -60,20 +60,19 @@ class GravityCompensationNode(TrajectoryController):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def require_commandable(self, what: str) -> None:
-        """Raise RejectedInputError if the topic or action `what` cannot move the arm now."""
+        """Raise RejectedInputError if the topic `what` must not move the arm at present."""
         super().require_commandable(what)
         if self.law.hand_guiding:
             raise RejectedInputError(
-                f'{what} rejected, because the parameter hand_guiding is true: set it to false '
-                'first'
+                f'{what} rejected, because hand_guiding is true: set hand_guiding to false first'
             )
 
     def ahead(self, times: Array) -> JointReference | None:
-        """Return the planned motion at times (M,) [s], or None while a person moves the arm."""
+        """Return the planned joint motion at `times` (M,) [s], None during hand guiding."""
         return None if self._was_guided else super().ahead(times)
 
     def before_update(self, state: ArmState, now: float) -> None:
-        """Make the reference follow the arm while a person moves the arm."""
+        """Make the reference posture follow the arm while a person moves the arm."""
         guided = self.law.hand_guiding
         self.loop.compensating = not guided
         if guided and self.law.stiffness > 0.0:
@@ -85,14 +84,14 @@ class GravityCompensationNode(TrajectoryController):
         self._was_guided = guided
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change the gains, hand guiding or the reaction to contact."""
+        """Apply a new gain, or a new value of `hand_guiding` or `contact_reaction`."""
         if name == 'hand_guiding':
             self.law.hand_guiding = value
         else:
             super().on_parameter(name, value)
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Raise ValueError unless a gain has one value or one per joint."""
+        """Raise ValueError unless a new gain has one value, or one per joint."""
         if name in ('kp', 'kd'):
             non_negative(name, scalar_or_array(value), self.arm.config.n)
 

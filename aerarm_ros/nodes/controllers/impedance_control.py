@@ -49,7 +49,7 @@ PARAMETERS = controller_parameters(
 
 
 class ImpedanceControlNode(ControllerNode):
-    """Controller that moves the tool to targets with the control law `CartesianImpedance`."""
+    """Controller for tool targets with the control law `CartesianImpedance`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
@@ -79,11 +79,11 @@ class ImpedanceControlNode(ControllerNode):
         self.take_payload()
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change the stiffness or the damping."""
+        """Change the stiffness or the damping of the tool."""
         setattr(self.law, name, non_negative(name, scalar_or_array(value), 3))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Raise ValueError unless stiffness or damping has one value or one per axis."""
+        """Raise ValueError unless a new stiffness or damping has one value, or one per axis."""
         if name in ('stiffness', 'damping'):
             non_negative(name, scalar_or_array(value), 3)
 

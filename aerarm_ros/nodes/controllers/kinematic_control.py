@@ -1,4 +1,7 @@
-"""Move the tool to targets by joint velocities from inverse kinematics, thesis 2.5.2 and 2.5.3."""
+"""Move the tool to targets by joint velocities from inverse kinematics.
+
+Sections 2.5.2 and 2.5.3 of the thesis describe the control laws.
+"""
 
 import sys
 from collections.abc import Sequence
@@ -53,7 +56,7 @@ PARAMETERS = controller_parameters(
 
 
 class KinematicControlNode(ControllerNode):
-    """Controller with the control law `CartesianMotionControl` or `JointMotionControl`."""
+    """Tool controller with the control law `CartesianMotionControl` or `JointMotionControl`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
@@ -81,7 +84,7 @@ class KinematicControlNode(ControllerNode):
         self.tool = ToolTopics(self, self.follower, self.values.frame)
 
     def describe(self) -> dict[str, object]:
-        """Return singular value and slowdown of the inverse kinematics, for /diagnostics."""
+        """Return the Jacobian's smallest singular value and the slowdown, for /diagnostics."""
         return {
             **super().describe(),
             'smallest singular value [m/rad]': round(self.resolution.least_singular_value, 4),

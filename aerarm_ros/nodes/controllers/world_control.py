@@ -2,7 +2,7 @@
 
 Targets arrive on tool_trajectory, timed paths on tool_motion, both in the odometry's frame. A force
 on tool_force presses the tool on a wall, and holds this force while the tool follows its target.
-Without a target the tool stays where it is when control starts. The node subscribes to odometry,
+Without a target the tool stays where it is when control starts. The node needs the topics odometry,
 imu, rotor_command and joint_states.
 """
 
@@ -155,7 +155,7 @@ class WorldControlNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and its control loop."""
+        """Create the control law and the control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         kinematics = Kinematics(arm.robot, values.frame)

@@ -1,4 +1,4 @@
-"""Parameters of the emulated drone, and the sensors, wind and wall that they describe."""
+"""ROS parameters of the emulated drone, and functions that create its sensors, wind and wall."""
 
 from __future__ import annotations
 
@@ -198,7 +198,7 @@ DRONE_PARAMETERS = grouped(
 
 
 def imu(values: SimpleNamespace, plant: FreeBasePlant) -> DelayedSensor[ImuReading]:
-    """Return the emulated IMU of the parameters, or raise ValueError for invalid parameters."""
+    """Create the emulated IMU from parameters; raise ValueError for invalid parameters."""
     noise, bias = _numbers(values, 'imu_noise', 2), _numbers(values, 'imu_bias', 2)
     errors = ImuErrors(noise[0], noise[1], bias[0], bias[1], values.imu_attitude_error)
     faulty = FaultyImu(errors, 1.0 / values.imu_rate, _seed(values, _IMU_SEED))
@@ -210,7 +210,7 @@ def imu(values: SimpleNamespace, plant: FreeBasePlant) -> DelayedSensor[ImuReadi
 def odometry(
     values: SimpleNamespace, plant: FlyingPlant, name: str = 'odometry', seed: int = _ODOMETRY_SEED
 ) -> DelayedSensor[OdometryReading]:
-    """Return the odometry sensor of a topic, or raise ValueError for invalid parameters."""
+    """Create the odometry sensor of a topic; raise ValueError for invalid parameters."""
     errors = OdometryErrors(*_numbers(values, f'{name}_noise', 4))
     noisy = NoisyOdometry(errors, _seed(values, seed))
     rate, delay = getattr(values, f'{name}_rate'), getattr(values, f'{name}_delay')
@@ -220,7 +220,7 @@ def odometry(
 def other_odometry(
     values: SimpleNamespace, plant: FlyingPlant
 ) -> list[tuple[Topic, DelayedSensor[OdometryReading]]]:
-    """Return topic and sensor of the true odometry and, if used, of the external odometry."""
+    """Return pairs of topic and sensor: true odometry and, if enabled, external odometry."""
     true = DelayedSensor(lambda: plant.odometry, _TRUE_RATE, values.period)
     found = [(topics.TRUE_ODOMETRY, true)]
     if values.external_odometry_rate:
@@ -230,7 +230,7 @@ def other_odometry(
 
 
 def gust(values: SimpleNamespace) -> RandomDrift | BandLimitedNoise | None:
-    """Return the random wind force of the parameters, or None without wind."""
+    """Create the random wind force from parameters; return None if gust_force is zero."""
     if values.gust_force == 0.0:
         return None
     random = np.random.default_rng(_seed(values, _GUST_SEED))
@@ -240,14 +240,14 @@ def gust(values: SimpleNamespace) -> RandomDrift | BandLimitedNoise | None:
 
 
 def contact(values: SimpleNamespace, plant: FlyingPlant) -> tuple[list[float], str]:
-    """Return force [N] and link of the contact, or raise ValueError for invalid parameters."""
+    """Return contact_force [N] and contact_link; raise ValueError for invalid parameters."""
     force = _numbers(values, 'contact_force', 3) if values.contact_force else [0.0, 0.0, 0.0]
     plant.place_on(values.contact_link)
     return force, values.contact_link
 
 
 def wall(values: SimpleNamespace) -> Wall | None:
-    """Return the wall of the parameters or None, or raise ValueError for invalid parameters."""
+    """Create the wall from parameters, None without wall; raise ValueError if one is invalid."""
     if not values.wall:
         return None
     place = _numbers(values, 'wall', 6)
@@ -268,8 +268,8 @@ def _numbers(values: SimpleNamespace, name: str, count: int) -> list[float]:
     numbers: list[float] = list(getattr(values, name))
     if len(numbers) != count:
         raise ValueError(
-            f'the parameter {name} has {len(numbers)} numbers instead of {count}: see its '
-            'description in --help'
+            f'the parameter {name} has {len(numbers)} numbers instead of {count}: see the '
+            f'description of {name} in --help'
         )
     return numbers
 

@@ -90,7 +90,7 @@ class EmulatedArm(World):
         }
 
     def load_arm(self) -> tuple[ArmConfig, Robot]:
-        """Load configuration and model of the arm, with the encoder type of the parameters."""
+        """Load configuration and model of the arm, with the encoder type in `encoders`."""
         config, robot = super().load_arm()
         encoders = self.bridge.values.encoders
         return (config.with_encoders(encoders) if encoders else config), robot
@@ -171,8 +171,8 @@ class EmulatedArm(World):
             )
         if profile != STILL:
             raise ValueError(
-                f'base_motion_profile is {profile} and drone_file is set, but the base of an arm '
-                'under a drone has no motion profile: remove one of the two parameters'
+                f'base_motion_profile is {profile} and drone_file is set, but a motion profile '
+                'applies only to an arm without drone: remove one of the two parameters'
             )
         wind = drone_parameters.gust(values)
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
@@ -209,11 +209,11 @@ class EmulatedArm(World):
         return self._time.loop
 
     def now_ns(self) -> int:
-        """Return the simulation time [ns since the epoch], or with `real_time` the system time."""
+        """Return the simulation time [ns since the epoch]; system time if pace is real_time."""
         return self._time.now_ns() if self._time is not None else super().now_ns()
 
     def newest_command(self) -> Command | None:
-        """Return the newest joint command, for which the simulation may have waited."""
+        """Return the newest joint command or None; the simulation may wait for a command."""
         time = self._time
         return time.newest_command() if time is not None else super().newest_command()
 
@@ -223,7 +223,7 @@ class EmulatedArm(World):
         self._destroy_time()
 
     def actions(self) -> Mapping[str, Action]:
-        """Return actions by service name, which add to or replace those of a real arm."""
+        """Return actions by service name; they extend or replace the actions of a real arm."""
         return {
             'enable': self._enable,
             'home': self._home,
@@ -352,7 +352,7 @@ class EmulatedArm(World):
                 SimpleNamespace(**{**vars(self.bridge.values), **changes}), plant
             )
         except ValueError as error:
-            return f'parameters contact_force and contact_link: {error}'
+            return f'the parameters contact_force and contact_link are invalid: {error}'
         return ''
 
     def _touch(self, cycle: BridgeCycle) -> Answer:
@@ -389,6 +389,6 @@ class EmulatedArm(World):
             self._flying.restart()
         return Answer(
             True,
-            'the arm was reset to its initial configuration, and is supported until its motors '
-            'hold it',
+            'the simulated arm was reset to its initial configuration; the simulation supports the '
+            'arm until its motors hold it',
         )

@@ -134,7 +134,7 @@ class EmulatedSensors:
             add(camera.read, values.camera_rate, partial(_publish_pose, marker, 'camera', 0))
 
     def update(self, stamp_ns: int) -> None:
-        """Sample the sensors in the cycle with the stamp `stamp_ns` [ns]; publish measurements."""
+        """Sample the sensors at the time `stamp_ns` [ns], and publish measurements that are due."""
         for sensor, publish in self._sensors:
             if (sample := sensor.update(stamp_ns)) is not None:
                 publish(*sample)

@@ -1,4 +1,4 @@
-"""Simulation time of the emulated arm, which can wait for other nodes."""
+"""Simulation time of the emulated arm; the simulation can wait for other nodes."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class WorldLoop(PeriodicLoop):
         return self._start_ns + self.cycles * self.period_ns
 
     def run(self, function: Callable[[int, int], None]) -> None:
-        """Call `function(world_ns, index)` once per period of simulation time until `stop`.
+        """Call `function(world_ns, index)` once per period of simulation time until `stop()`.
 
         Parameters
         ----------
@@ -127,11 +127,11 @@ class WorldLoop(PeriodicLoop):
         return self.cycles * self.period_ns / host_ns if host_ns > 0 else 1.0
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
-        """Return level and text for /diagnostics; a slow simulation is not a fault."""
+        """Return level and text for /diagnostics; the level is OK even for a slow simulation."""
         return OK, f'the simulation runs at {100.0 * self.share_of_real_time:.1f} % of real time'
 
     def account(self) -> str:
-        """Return a line about the simulation's speed, for the end of the log."""
+        """Return a text about the speed of the simulation, for the last line of the log."""
         if not self.cycles:
             return 'no cycle has run yet'
         share = self.share_of_real_time
@@ -146,7 +146,7 @@ class WorldLoop(PeriodicLoop):
 
 
 _LAG_NS = 500_000_000
-"""Largest delay of a recorder [ns]; its queues and the middleware store some seconds."""
+"""Delay of a recorder [ns] above which the simulation waits; queues can store some seconds."""
 
 
 class RecordingWatch:
@@ -235,7 +235,7 @@ class WorldClock:
             self._publisher.publish(self._serialized)
 
     def poll(self) -> None:
-        """Check for another publisher of /clock; to be called in every cycle, takes 1 us."""
+        """Check for another publisher of /clock; call this method in every cycle (takes 1 us)."""
         self._duplicates.poll()
 
     def destroy(self) -> None:
@@ -282,10 +282,10 @@ _REPEAT = 0.05  # [s] between two copies of a state, for nodes that missed the f
 class EmulatedWorld:
     """Control the speed of the simulation time, for the paces `keep_up` and `lockstep`.
 
-    In lockstep the simulation waits for the command that answers the last joint state. It also
-    pauses before the first command, and while the arm is off and at rest. A controller therefore
-    receives the same states at the same times in every run. With lockstep the simulation time
-    starts at `start_ns`, with `keep_up` at the host's time.
+    In lockstep the simulation waits for the command that answers the last joint state. The
+    simulation also pauses before the first command, and while the motors are off and the arm is at
+    rest. A controller therefore receives the same states at the same times in every run. With
+    `lockstep` the simulation time starts at `start_ns`, with `keep_up` at the host's time.
 
     Parameters
     ----------
@@ -377,7 +377,7 @@ class EmulatedWorld:
         self._clock.publish(self.now_ns())
 
     def poll(self) -> None:
-        """Check for another simulation in this ROS domain; to be called once per cycle."""
+        """Check for another simulation in this ROS domain; call this method once per cycle."""
         self._clock.poll()
 
     def destroy(self) -> None:
@@ -414,15 +414,15 @@ class EmulatedWorld:
         if not self._wait(lambda: self._command is None, self._patience):
             if self._mode == 'ready' and self._streams.commands.publishers():
                 self._warn_once(
-                    'a publisher of joint_command does not respond to states, so the simulation '
-                    'pauses until it does: check that controller'
+                    'the controller that publishes joint_command does not respond to joint states, '
+                    'so the simulation pauses: check the controller'
                 )
             self._wait(lambda: self._command is None, None)
         if not self.loop.is_stopped:  # the wait before the next cycle
             self.loop.paused_ns += time.monotonic_ns() - begun
 
     def _is_ahead(self) -> bool:
-        """Return whether the simulation must wait for a controller or a recorder."""
+        """Return whether the simulation must wait for a controller, drone or recorder."""
         now_ns = self.now_ns()
         if self._recording.is_behind(now_ns) or self._is_drone_behind():
             return True
@@ -439,7 +439,7 @@ class EmulatedWorld:
         return self._watch.expects
 
     def _wait(self, is_needed: Callable[[], bool], patience: float | None) -> bool:
-        """Wait while `is_needed` returns True, or until a request; return False at a time-out."""
+        """Wait until `is_needed` returns False or a request arrives; return False at a time-out."""
         waited = 0.0  # counts only while other processes could run
         last = republished = time.monotonic()
         has_republished = False
@@ -477,7 +477,7 @@ class EmulatedWorld:
         return self._is_pausing or self._watch.awaits(self.now_ns())
 
     def _is_alone(self, has_republished: bool) -> bool:
-        """Return whether the controller whose answer is awaited has ended or does not respond."""
+        """Return whether the simulation waits for a controller that ended or does not respond."""
         commands = self._streams.commands
         if not self._watch.awaits(self.now_ns()):
             return False

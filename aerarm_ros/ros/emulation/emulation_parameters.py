@@ -1,4 +1,4 @@
-"""ROS parameters of the emulated arm, and their conversion to a simulated arm."""
+"""ROS parameters of the emulated arm, and their conversion to parameters of the simulation."""
 
 from __future__ import annotations
 

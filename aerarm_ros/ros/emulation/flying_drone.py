@@ -1,4 +1,4 @@
-"""ROS topics of the emulated drone, or of a moving base: rotor commands, IMU, odometry."""
+"""ROS topics of an emulated drone or moving base: rotor commands, IMU and odometry."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from aerarm_ros.simulation.sensors import DelayedSensor, ImuReading, OdometryRea
 
 
 class EmulatedDrone:
-    """Start the motion of the arm's base once the motors hold the arm, and publish its IMU.
+    """Start the motion of the arm's base once the motors hold the arm; publish the base's IMU.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class EmulatedDrone:
         self._is_moving = False
 
     def update(self, mode: str, stamp_ns: int) -> None:
-        """Start the motion if the arm's mode permits it, and publish the IMU of this cycle."""
+        """Start the base's motion if the arm's mode permits; publish an IMU sample if due."""
         if not self._is_moving and mode in HELD:
             self._is_moving = True
             if isinstance(self._plant, MovingBasePlant):
@@ -109,7 +109,7 @@ class FlyingDrone(EmulatedDrone):
     prefix
         Prefix of the frame names.
     others
-        Topics and sensors of further odometry, for which the simulation awaits no answer.
+        Topics and sensors of further odometry; the simulation does not wait for answers to it.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class FlyingDrone(EmulatedDrone):
 
     @property
     def is_flying(self) -> bool:
-        """Whether the simulation has released the drone."""
+        """Whether the drone flies, because the simulation no longer supports it."""
         return not self._flight.is_held
 
     @property
@@ -201,7 +201,7 @@ class FlyingDrone(EmulatedDrone):
             sensor.restart()
 
     def is_behind(self) -> bool:
-        """Return whether the simulation must wait for the answer to the last odometry."""
+        """Return whether the simulation must wait for a rotor command that answers odometry."""
         if not self._watch.awaits(self._published_ns):
             return False
         if self._commands.reader.publishers() == 0:
@@ -209,7 +209,7 @@ class FlyingDrone(EmulatedDrone):
         return self._watch.expects
 
     def give_up(self) -> None:
-        """Stop waiting for answers to the odometry, until one arrives."""
+        """Do not wait for answers to odometry until the next answer arrives."""
         self._watch.give_up()
 
     def wait(self, timeout: float) -> None:

@@ -48,7 +48,7 @@ CONTINUE, STOP, HOME = 'continue', 'stop', 'home'
 
 
 class GroundWatchdog:
-    """Stop the arm's motion or move the arm home if no datagrams arrive from the ground.
+    """Stop the arm or move it home if no datagrams arrive from the ground computer.
 
     Each action is one message on one topic, because a controller may process messages of two topics
     in any order. A controller that receives a set point during a motion first stops on its path.
@@ -88,7 +88,7 @@ class GroundWatchdog:
         return f'{self._action} after {self._timeout:g} s'
 
     def update(self, now: float, last_received: float) -> None:
-        """Stop the arm or move it home once per loss of connection, at the time `now` [s].
+        """If the connection is lost at the time `now` [s], stop the arm or move it home once.
 
         Before the ground has connected once, the watchdog does not act.
         """
@@ -159,7 +159,7 @@ _Address = tuple[str, int]
 
 
 class LinkEnd:
-    """Common part of the processes on the drone and on the ground computer.
+    """Base class of the `ground_link` processes on the drone and on the ground computer.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ class LinkEnd:
         """Process the sender's address of the newest datagram."""
 
     def _on_rejected(self, datagram: bytes, address: _Address) -> None:
-        """Warn of a datagram that was sealed with another key, while no connection exists."""
+        """Warn if no connection exists and the sender of a datagram uses another key."""
         now = time.monotonic()
         if not looks_sealed(datagram) or self.connection.is_up(now):
             return
@@ -358,8 +358,9 @@ class LinkEnd:
         connection = self.connection
         if self._stranger and not connection.is_up(now):
             return (
-                f'datagrams from {self._stranger} are ignored, because {self.other} is '
-                f'{self._only_host}: set {self.other}:={self._stranger}, or leave it empty'
+                f'ground_link ignores datagrams from {self._stranger}, because the parameter '
+                f'{self.other} is {self._only_host}: set {self.other}:={self._stranger}, or leave '
+                'the parameter empty'
             )
         if self._key_problem:
             return self._key_problem
@@ -378,8 +379,8 @@ class LinkEnd:
         if not isnan(offset) and abs(offset) > _CLOCK_MAX:
             side = 'ahead of' if offset > 0.0 else 'behind'
             return (
-                f"the {self.other}'s clock is {1e3 * abs(offset):.0f} ms {side} this host's: run "
-                'chrony or PTP on both hosts before you compare their stamps'
+                f"the {self.other}'s clock is {1e3 * abs(offset):.0f} ms {side} this host's clock: "
+                'run chrony or PTP on both hosts before you compare message stamps'
             )
         return ''
 
@@ -395,7 +396,7 @@ class DroneEnd(LinkEnd):
             self._socket.bind((values.address, values.port))
         except OSError as error:
             raise ValueError(
-                f'port {values.port} of {values.address} cannot be opened ({error.strerror}): '
+                f'UDP port {values.port} of {values.address} cannot be opened ({error.strerror}): '
                 'stop the other ground_link of this host, or set another port or address'
             ) from None
         self._only_host = _ip_address(GROUND, values.ground) if values.ground else ''
@@ -470,8 +471,8 @@ class GroundEnd(LinkEnd):
         super().__init__(node, values, key)
         if not values.drone:
             raise ValueError(
-                'the parameter drone, the address of the drone, is missing: set -p '
-                'drone:=ADDRESS, for example drone:="\'10.0.0.2\'"'
+                'the parameter drone (address of the drone) is empty: set -p drone:=ADDRESS, for '
+                'example drone:="\'10.0.0.2\'"'
             )
         self._address = _ip_address(DRONE, values.drone), values.port
         node.get_logger().info(
@@ -557,7 +558,7 @@ class RemoteControllers:
     Parameters
     ----------
     node
-        Node with whose ROS graph controllers are found, and which logs warnings.
+        Node that searches the ROS graph for controllers, and logs warnings.
     """
 
     def __init__(self, node: Node) -> None:

@@ -28,15 +28,15 @@ from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name, questions
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 BAG_REQUESTS, BAG_REPORTS, QUESTIONS, BLOCKS = range(1006, 1010)
-"""Channels for recording requests and reports, and for block requests and blocks."""
+"""Channels for recording requests, for reports, for requests of bag blocks, and for bag blocks."""
 RECORD, WATCH, FINISH = 'record', 'watch', 'finish'
-"""Requests of the ground: record a bag, report its state, or complete and fetch it."""
+"""Requests of the ground computer: record a bag, report its state, or complete and fetch it."""
 REQUESTED, RECORDING, ENDED, STORED, WAITING, FETCHING, COMPLETE, FAILED = (
     *('requested', 'recording', 'ended', 'stored'),
     *('waiting', 'fetching', 'complete', 'failed'),
 )
-"""States of a request in reports. `ENDED` means that the recording ended for another reason than
-a request. `WAITING` means that the link first fetches another bag.
+"""States of a recording in reports. `ENDED` means that the recording ended, but not because of a
+request. `WAITING` means that the link first fetches another bag.
 """
 
 METADATA = 'metadata.yaml'
@@ -51,7 +51,7 @@ _IDS_MAX = 16  # requests that wait for an answer
 
 
 class DroneRecordings:
-    """Run a recorder on the drone at the ground's request, and send its bags to the ground.
+    """Run a recorder on the drone for the ground computer, and send bags to that computer.
 
     Parameters
     ----------
@@ -80,24 +80,25 @@ class DroneRecordings:
         self._has_states = self._is_ending = False
 
     def take_request(self, content: bytes) -> None:
-        """Execute a request of the ground to record, report or complete a bag."""
+        """Execute a request of the ground: record a bag, report its state, or complete it."""
         request = json.loads(content)
         name, do, key = (str(request[field]) for field in ('name', 'do', 'id'))
         actions = {RECORD: self._record, WATCH: self._watch, FINISH: self._finish}
         if not is_name(name):
-            text = f"'{name}' is not a bag name: use letters, digits, _, - and ."
+            text = f"'{name}' is no valid bag name: use only letters, digits, _, - and ."
             self._report(key, name, FAILED, text)
         elif do not in actions:
             text = (
-                f"unknown request '{do}' to the drone: install the same version of aerarm_ros on "
-                'both hosts'
+                f"the drone does not know the request '{do}': install the same version of "
+                'aerarm_ros on both hosts'
             )
             self._report(key, name, FAILED, text)
         else:
             try:
                 actions[do](name, key)
             except OSError as error:
-                self._report(key, name, FAILED, f'{self._folder} on the drone: {error}')
+                text = f'the folder {self._folder} on the drone cannot be used: {error}'
+                self._report(key, name, FAILED, text)
 
     def fail(self, error: Exception) -> None:
         """Report an error of the recording, and request the recorder to complete its bag."""
@@ -105,7 +106,7 @@ class DroneRecordings:
             self._process = None
         elif self._is_ending:
             return  # reported before
-        self._reason = f'recording of {self._name} on the drone: {error}'
+        self._reason = f'the recording of {self._name} on the drone failed: {error}'
         self._report(self._record_id, self._name, FAILED, self._reason)
         self._ask_to_end()
 
@@ -134,7 +135,7 @@ class DroneRecordings:
                 self._report(self._record_id, self._name, RECORDING)
 
     def send(self, send: Callable[[bytes], bool]) -> bool:
-        """Send at most three requested blocks; return whether further blocks are waiting.
+        """Send at most three requested blocks of bags; return whether further blocks are waiting.
 
         Parameters
         ----------
@@ -183,8 +184,11 @@ class DroneRecordings:
             return
         bag = self._folder / name
         if bag.exists():
-            text = f'the drone already has a bag {name}: choose another name, '
-            self._report(key, name, FAILED, text + f"or fetch it with 'arm fetch {name}'")
+            text = (
+                f'the drone already has a bag {name}: choose another name, or fetch that bag with '
+                f"'arm fetch {name}'"
+            )
+            self._report(key, name, FAILED, text)
             return
         self._logs = self._logs or Path(tempfile.mkdtemp(prefix='aerarm_recordings_'))
         try:
@@ -196,7 +200,8 @@ class DroneRecordings:
                 log=self._logs / f'{name}.log',
             )
         except OSError as error:
-            self._report(key, name, FAILED, f'{self._folder} on the drone: {error.strerror}')
+            text = f'the folder {self._folder} on the drone cannot be used: {error.strerror}'
+            self._report(key, name, FAILED, text)
             return
         # The recorder inherits the real-time priority of this process, which would slow the bridge.
         with suppress(OSError):
@@ -207,9 +212,9 @@ class DroneRecordings:
         self._node.get_logger().info(f'recording {bag} for the ground')
 
     def _is_recording(self) -> bool:
-        """Return whether the recorder records joint states, 1 to 2 s after its start.
+        """Return whether the recorder records joint states; it begins 1 to 2 s after its start.
 
-        If no bridge runs, the recorder counts as recording after 20 s.
+        If no bridge runs, the method returns True after 20 s.
         """
         bag = self._folder / self._name
         message = self._status.take_newest()
@@ -224,7 +229,7 @@ class DroneRecordings:
         return self._has_states or time.monotonic() > self._patience
 
     def _watch(self, name: str, key: str) -> None:
-        """Schedule a report of a running recording, or report at once that it has ended."""
+        """Schedule a report of a running recording, or report now that the recording has ended."""
         if self._process is not None and name == self._name:
             self._record_id, self._report_due = key, 0.0
             return
@@ -246,7 +251,7 @@ class DroneRecordings:
             self._ask_to_end()
 
     def _ask_to_end(self) -> None:
-        """Request the recorder once to complete its bag and end; a second signal would kill it."""
+        """Signal the recorder once to complete its bag; a second signal would kill the recorder."""
         if self._process is not None and not self._is_ending:
             self._is_ending = True
             self._process.ask_to_end()
@@ -265,8 +270,8 @@ class DroneRecordings:
         while self._finish_ids:
             key = self._finish_ids.popleft()
             if status:
-                advice = f"; run 'arm fetch {self._name}' to fetch the incomplete bag"
-                self._report(key, self._name, FAILED, text + advice)
+                advice = f"run 'arm fetch {self._name}' to fetch the incomplete bag"
+                self._report(key, self._name, FAILED, f'{text}; {advice}')
             else:
                 self._offer(self._name, key)
 
@@ -277,8 +282,11 @@ class DroneRecordings:
             self._report(key, name, FAILED, f'the drone has no bag {name} in {self._folder}')
             return
         if is_being_written(bag):
-            text = f'another recorder on the drone is still recording {name}: end that recorder, '
-            self._report(key, name, FAILED, text + f"then run 'arm fetch {name}'")
+            text = (
+                f'another recorder on the drone is still recording {name}: end that recorder, then '
+                f"run 'arm fetch {name}'"
+            )
+            self._report(key, name, FAILED, text)
             return
         number = (self._number + 1) & 0xFFFF
         server = FileServer(bag, number)
@@ -300,7 +308,7 @@ class DroneRecordings:
         served = self._served.pop(number)
         served.server.close()
         self._report(served.key, served.name, FAILED,
-                     f'the drone cannot read bag {served.name}: {error}')  # fmt: skip
+                     f'the drone cannot read the bag {served.name}: {error}')  # fmt: skip
 
     def _report(self, key: str, name: str, state: str, text: str = '', **more: object) -> None:
         content = {'id': key, 'name': name, 'state': state, 'text': text, **more}
@@ -349,8 +357,8 @@ class GroundRecordings:
     def update(self, now: float, is_due: bool) -> bool:
         """Forward recording requests and request blocks; return whether to send a datagram soon.
 
-        `is_due` means that the next datagram may be sent now. Only then blocks are requested,
-        because a new block request replaces an unsent one.
+        `is_due` means that the next datagram may be sent now. The method requests blocks only if
+        `is_due` is true, because a new block request replaces an unsent one.
         """
         while (message := self._reader.take()) is not None:
             self._take_local(deserialize_message(message[0], String).data, now)
@@ -376,7 +384,7 @@ class GroundRecordings:
         try:
             question = fetch.question(now, delay, connection.round_trip)
         except OSError as error:
-            self._fail(f'{self._folder}: {error.strerror}')
+            self._fail(f'the folder {self._folder} cannot be used: {error.strerror}')
             return True
         if question is not None:
             connection.set_value(QUESTIONS, question)
@@ -409,7 +417,7 @@ class GroundRecordings:
         try:
             self._fetch.take(content)
         except OSError as error:
-            self._fail(f'{self._folder}: {error.strerror}')
+            self._fail(f'the folder {self._folder} cannot be used: {error.strerror}')
 
     def destroy(self) -> None:
         """Destroy the subscription, and close the incomplete file."""
@@ -427,8 +435,8 @@ class GroundRecordings:
         if do == FINISH and self._fetch is not None and self._fetched == name:
             if folder != self._folder:
                 text = (
-                    f'ground_link is already fetching {name} into {self._folder}: wait until it '
-                    'has finished'
+                    f'ground_link is already fetching {name} into {self._folder}: wait until the '
+                    'transfer has finished'
                 )
                 self._publish([key], {'name': name, 'state': FAILED, 'text': text})
                 return
@@ -444,7 +452,7 @@ class GroundRecordings:
         self._forward(do, name, key, inf if do == FINISH else now + _START_LIFETIME)
 
     def _forward(self, do: str, name: str, key: str, expires: float) -> None:
-        """Send a recording request to the drone, unless it was sent and is not acknowledged yet."""
+        """Send a recording request to the drone, unless it was sent and awaits acknowledgement."""
         if key not in self._messages and len(self._messages) < _IDS_MAX:
             content = json.dumps({'do': do, 'name': name, 'id': key}).encode()
             self._messages[key] = self._connection.send(BAG_REQUESTS, content, PROMPT, expires)

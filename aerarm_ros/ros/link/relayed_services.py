@@ -35,7 +35,7 @@ SERVICE_TYPES: Mapping[str, Any] = MappingProxyType(
         },
     }
 )
-"""Types of the services that `ground_link` relays, by their names in ROS."""
+"""Types of the services that `ground_link` relays, by the ROS names of the types."""
 E_STOP = 'e_stop'
 
 _CALL = struct.Struct('<IH')  # number, length of the name
@@ -108,8 +108,8 @@ class DroneServices:
     def call(self, content: bytes, now: float, is_stop: bool) -> None:
         """Call a service on the drone for a client on the ground.
 
-        `is_stop` marks an e-stop. An e-stop may overtake an earlier call, such as `clear_fault`,
-        which is then rejected so that it does not undo the e-stop.
+        `is_stop` marks an e-stop. An e-stop may overtake an earlier call, such as `clear_fault`.
+        The drone then rejects the earlier call, so that the call does not undo the e-stop.
         """
         number, length = _CALL.unpack_from(content)
         name = content[_CALL.size : _CALL.size + length].decode()
@@ -125,7 +125,7 @@ class DroneServices:
             request = deserialize_message(content, kind.Request)
             if self._is_before_stop(number, now) and hasattr(kind.Response, 'success'):
                 text = (
-                    f'{name} rejected, because an e-stop was requested after it: send the request '
+                    f'{name} rejected, because an e-stop followed this request: send the request '
                     'again'
                 )
                 self._answer(RESULTS, number, kind.Response(success=False, message=text))
@@ -304,8 +304,8 @@ class GroundServices:
             if now - call.begin > _STOP_NOTICE and not call.is_answered:
                 call.is_answered = True
                 self._fail(call, _UNCONFIRMED if call.message.is_confirmed else (
-                    'NOT DELIVERED YET, because the drone has been silent for '
-                    f'{self._silence(now)}; ground_link repeats it until the drone receives it'
+                    f'NOT DELIVERED YET, because the drone has been silent {self._silence(now)}; '
+                    'ground_link repeats the e-stop until the drone receives it'
                 ))  # fmt: skip
             if call.message.is_confirmed:
                 call.confirmed = min(call.confirmed, now)
@@ -316,14 +316,14 @@ class GroundServices:
         elif call.message.is_expired and not call.is_answered:
             del self._calls[number]
             self._fail(call, (
-                f'not delivered within {_LIFETIME:g} s, because the drone has been silent for '
+                f'not delivered within {_LIFETIME:g} s, because the drone has been silent '
                 f'{self._silence(now)}: send the request again once the drone is connected'
             ))  # fmt: skip
         elif now - call.begin > _ANSWER_TIMEOUT:
             del self._calls[number]
             self._fail(call, (
                 'the drone received the request, but the service has not answered within '
-                f'{_ANSWER_TIMEOUT:g} s: check its node on the drone'
+                f'{_ANSWER_TIMEOUT:g} s: check the node on the drone that offers this service'
             ))  # fmt: skip
 
     def _fail(self, call: _Call, text: str) -> None:
@@ -335,7 +335,7 @@ class GroundServices:
 
     def _silence(self, now: float) -> str:
         silent = now - self._connection.last_received
-        return f'{silent:.1f} s' if silent < inf else 'its start'
+        return f'for {silent:.1f} s' if silent < inf else 'since the start of ground_link'
 
     def _answer(self, call: _Call, response: Any) -> None:
         service = self._services.get(call.service.srv_name)
@@ -357,5 +357,5 @@ def _offers_stop(service: Any) -> bool:
 
 
 def _ignore(_: Any, response: Any) -> Any:
-    """Return the response unchanged; this callback is required but never called."""
+    """Return the response unchanged; rclpy requires this callback but never calls it."""
     return response

@@ -49,7 +49,7 @@ class Window(NamedTuple):
 
 
 def window_of(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> Window:
-    """Summarize samples of shape (n,), of which the last has the stamp `stamp_ns` [ns]."""
+    """Summarize samples of shape (n,); `stamp_ns` [ns] is the stamp of the last sample."""
     rows = np.stack(samples)
     return Window(stamp_ns, len(rows), rows[-1], rows.min(axis=0), rows.max(axis=0))
 
@@ -65,7 +65,7 @@ def pack_window(window: Window) -> bytes:
 
 
 def unpack_window(content: bytes) -> Window:
-    """Decode a window from bytes; raise ValueError if they are invalid."""
+    """Decode a window from bytes; raise ValueError if the bytes are invalid."""
     if len(content) < _HEAD.size:
         raise ValueError(f'a window of joint states has only {len(content)} bytes')
     stamp_ns, count, n = _HEAD.unpack_from(content)
@@ -80,7 +80,7 @@ def unpack_window(content: bytes) -> Window:
 
 
 def _rounded_up(distance: NDArray[np.float64]) -> NDArray[np.float16]:
-    """Round non-negative numbers up to half precision."""
+    """Convert non-negative numbers to half precision, rounded up."""
     half = np.maximum(distance, 0.0).astype('<f2')
     low = half < distance
     half[low] = np.nextafter(half[low], np.float16(np.inf))
@@ -88,7 +88,7 @@ def _rounded_up(distance: NDArray[np.float64]) -> NDArray[np.float16]:
 
 
 WINDOWED = (topics.JOINT_STATES, topics.JOINT_COMMAND, topics.MOTOR_STATES, topics.ROTOR_COMMAND)
-"""Topics of type JointState, of which the ground receives the newest sample and extremes."""
+"""JointState topics; the ground receives the newest sample and the extremes of each window."""
 VALUES = (
     topics.MOTOR_POWER,
     topics.ENERGY,
@@ -106,7 +106,7 @@ VALUES = (
     topics.STATIC_WRENCH,
     topics.RECORDED_UNTIL,
 )
-"""Other periodic topics, of which the ground receives the newest message at a lower rate."""
+"""Other periodic topics; the ground receives only the newest message, at a lower rate."""
 STEADY = (
     topics.JOINT_STATES,
     topics.MOTOR_STATES,
@@ -121,7 +121,7 @@ STEADY = (
 )
 """Topics that their publishers publish periodically without pauses."""
 SILENT = 2.0
-"""Time without a message [s] after which the drone warns about a topic in `STEADY`."""
+"""Time [s] without a message after which the drone warns about a topic in `STEADY`."""
 EVENTS = (
     topics.ARM_MODE,
     topics.PLAN_STATUS,
@@ -147,8 +147,8 @@ COMMANDS = (
 run on the bridge's host.
 """
 COMMAND_LIFETIME = 1.0
-"""Lifetime of a command [s]. A motion that was requested before a loss of connection must not begin
-after it.
+"""Time [s] after which an undelivered command expires. A motion must not begin after a loss of
+connection if the command was sent before the loss.
 """
 
 LAYOUTS, OFFERED, STOPS, CALLS, STOP_RESULTS, RESULTS = range(1000, 1006)
@@ -231,11 +231,12 @@ class DroneTopics:
         }
         if ages:
             listed = ', '.join(f'{name} for {age:.0f} s' for name, age in ages.items())
-            return (
-                f'on the drone, no message of {listed}: check the nodes that publish these topics'
-            )
+            return f'no message on the drone on {listed}: check the nodes that publish these topics'
         if topics.JOINT_STATES.name not in self._came:
-            return f'on the drone, no message of {topics.JOINT_STATES.name}: start the bridge there'
+            return (
+                f'no message on the drone on {topics.JOINT_STATES.name}: start the bridge on the '
+                'drone'
+            )
         return ''
 
     def publish(self, channel: int, payload: bytes) -> None:
@@ -260,7 +261,7 @@ class DroneTopics:
         self._connection.send(LAYOUTS, text)
 
     def _send_diagnostics(self, channel: int, payload: bytes, is_up: bool) -> None:
-        """Send a diagnostics message; during a loss of connection it replaces an unsent one."""
+        """Send diagnostics; without connection, a message replaces an older unsent message."""
         if is_up:
             self._kept.clear()
             self._send_event(channel, payload)
@@ -280,7 +281,7 @@ class DroneTopics:
             self._latched[channel] = payload, message
 
     def _send_dropped(self) -> None:
-        """Send latched messages again that the full backlog dropped during a loss of connection."""
+        """Re-send latched messages that a full queue dropped during a loss of connection."""
         for channel, (payload, message) in list(self._latched.items()):
             if message.is_expired and len(payload) <= MESSAGE_MAX:
                 self._send_event(channel, payload)
@@ -320,7 +321,7 @@ class JointStateStream:
         return [slot.text for slot in self._slots.values()]
 
     def add(self, payload: bytes) -> None:
-        """Add a serialized message to the present window, or ignore it without joint names."""
+        """Add a serialized message to the present window; ignore a message without joint names."""
         for codec in self._codecs:
             sample = codec.unpack(payload)
             if sample is not None:

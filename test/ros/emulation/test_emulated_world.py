@@ -212,7 +212,7 @@ def test_in_lockstep_a_silent_publisher_is_named(start_bridge: StartBridge, ros_
     bridge = start_bridge(answer_timeout=0.3)
     client = BridgeClient(ros_node)  # it has a publisher of joint_command
     client.make_ready()
-    said = 'a publisher of joint_command does not respond to states'
+    said = 'the controller that publishes joint_command does not respond to joint states'
     client.wait_for(lambda: said in bridge.tail(50))
     client.call('enable')  # the wait begins again after it
     client.spin(1.0)

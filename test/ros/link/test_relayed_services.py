@@ -223,7 +223,7 @@ def test_an_earlier_clear_fault_does_not_undo_an_e_stop(pair: Pair) -> None:
     pair.loss = 0.0
     pair.until(lambda: relay.step() and cleared.done() and stopped.done())
     assert set(came) == {'e_stop'}
-    assert 'rejected, because an e-stop was requested after it' in cleared.result().message
+    assert 'rejected, because an e-stop followed this request' in cleared.result().message
     assert stopped.result().success
     cleared = clear.call_async(Trigger.Request())  # at once, but after the e-stop
     pair.until(lambda: relay.step() and cleared.done())

@@ -169,7 +169,7 @@ def test_a_silent_stream_is_named_with_its_age(pair: Pair) -> None:
 
     pair.until(lambda: publish(*steady) and relay.drone.problem(pair.now) == '')
     pair.now += SILENT
-    assert 'on the drone, no message of joint_states for 2 s, imu for 2 s' in relay.drone.problem(
+    assert 'no message on the drone on joint_states for 2 s, imu for 2 s' in relay.drone.problem(
         pair.now
     )
     pair.until(lambda: publish(topics.IMU) and 'imu' not in relay.drone.problem(pair.now))
