@@ -12,7 +12,7 @@ from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.flight_estimator import FreezeWatch
 from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.model.inertia import cross
-from aerarm_ros.motion.signals import Array
+from aerarm_ros.motion.signals import Array, limited
 
 _GRAVITY = np.array([0.0, 0.0, -9.81])
 # Variances per second of the prediction's error: of the velocity [m^2/s^3], with and without IMU,
@@ -26,6 +26,7 @@ _NOISE = np.array([3e-3, 1e-2])
 _NOISE_MIN = np.array([3e-4, 1e-3])
 _NOISE_SAMPLES = 50.0
 _OUTLIER = 4.0  # largest squared error of one sample, in multiples of the variance
+_RATE_BIAS_MAX = 0.1  # [rad/s]
 _ATTITUDE_TIME = 0.5  # [s] in which the odometry's attitude corrects the gyroscope's drift
 _HISTORY = 200  # number of predicted poses: 0.8 s at 250 Hz
 _IMU_GAP = 0.05  # [s] without an IMU sample, after which the base is extrapolated
@@ -113,10 +114,11 @@ class BasePoseEstimator:
 
     A Kalman filter estimates position and velocity of the IMU, and the accelerometer's bias. The
     prediction of the IMU's own position does not need the angular acceleration. The gyroscope
-    rotates the attitude, which the odometry corrects within 0.5 s. Each odometry sample is compared
-    with the prediction for its stamp, and the correction applies to all later times. So an old
-    sample is as accurate as a new one, apart from the IMU's error. The scatter of the differences
-    gives the noise of the odometry.
+    rotates the attitude, which the odometry corrects within 0.5 s. These corrections also give the
+    gyroscope's bias, with a time constant of 1 s. Each odometry sample is compared with the
+    prediction for its stamp, and the correction applies to all later times. So an old sample is as
+    accurate as a new one, apart from the IMU's error. The scatter of the differences gives the
+    noise of the odometry.
 
     Without IMU samples the pose is extrapolated with the odometry's velocities.
 
@@ -164,6 +166,7 @@ class BasePoseEstimator:
         """Clear the filter, which the next odometry sample initializes."""
         self._state: _Predicted | None = None
         self._bias, self._variance = np.zeros(3), _FIRST.copy()
+        self._rate_bias = np.zeros(3)
         self._rate, self._force = np.zeros(3), np.zeros(3)
         self._history: deque[_Predicted] = deque(maxlen=_HISTORY)
         self._imu_stamp = self._stamp = -np.inf
@@ -203,7 +206,8 @@ class BasePoseEstimator:
         step = sample.stamp - self._imu_stamp
         self._imu_stamp = sample.stamp
         to_body = self._frames.imu_rotation
-        rate, force = to_body @ sample.angular_velocity, to_body @ sample.specific_force
+        rate = to_body @ sample.angular_velocity - self._rate_bias
+        force = to_body @ sample.specific_force
         before = self._rate, self._force
         self._rate, self._force = rate, force
         if self._state is None:
@@ -405,8 +409,13 @@ class BasePoseEstimator:
         self._variance = self._variance - gain @ self._variance[:2]
         self._variance = 0.5 * (self._variance + self._variance.T)
         shift, change, bias = gain @ np.array([off, faster])
-        interval = min(now - self._received, _ATTITUDE_TIME)
-        correction = _turned(interval / _ATTITUDE_TIME * turn)
+        part = min(now - self._received, _ATTITUDE_TIME) / _ATTITUDE_TIME
+        correction = _turned(part * turn)
+        if self._has_imu(measured.time):
+            # Attitude and bias form a critically damped filter.
+            self._rate_bias = limited(
+                self._rate_bias - part / (4.0 * _ATTITUDE_TIME) * turn, _RATE_BIAS_MAX
+            )
         self._apply(measured.time, shift, change, correction)
         bias = self._bias + predicted.rotation.T @ bias
         self._bias = np.minimum(np.maximum(bias, -_BIAS_MAX), _BIAS_MAX)

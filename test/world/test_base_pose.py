@@ -29,9 +29,9 @@ def odometry(time: float, shift: Array | float = 0.0, noise: Array | float = 0.0
     return OdometrySample(time, place(time) + shift + noise, LEVEL, velocity, np.zeros(3))
 
 
-def imu(time: float, clock: float = 0.0) -> ImuSample:
+def imu(time: float, clock: float = 0.0, rate: Array | float = 0.0) -> ImuSample:
     force = np.array([-SWING * SPEED**2 * np.sin(SPEED * time), 0.0, 9.81])
-    return ImuSample(time + clock, None, np.zeros(3), force)
+    return ImuSample(time + clock, None, np.zeros(3) + rate, force)
 
 
 class Feed:
@@ -45,12 +45,13 @@ class Feed:
         self.change: Callable[[OdometrySample], list[OdometrySample]] = lambda sample: [sample]
         self.reasons: list[str] = []
         self.clock = 0.0
+        self.rate_bias: Array | float = 0.0  # of the gyroscope [rad/s]
 
     def run(self, seconds: float) -> Iterator[float]:
         for _ in range(round(seconds / CYCLE)):
             self.now += CYCLE
             if self._has_imu:
-                self.estimator.offer_imu(imu(self.now, self.clock), self.now)
+                self.estimator.offer_imu(imu(self.now, self.clock, self.rate_bias), self.now)
             if self.now >= self._due + self._late:
                 for sample in self.change(odometry(self._due)):
                     try:
@@ -95,6 +96,17 @@ def test_noise_is_measured_and_left_out() -> None:
     errors = feed.errors(5.0)
     assert feed.estimator.noise[0] == pytest.approx(5e-3, rel=0.3)
     assert np.sqrt((errors**2).mean()) < 0.5 * 5e-3 * np.sqrt(3.0)
+
+
+def test_the_bias_of_the_gyroscope_causes_no_lasting_error() -> None:
+    feed = Feed()
+    feed.rate_bias = np.array([0.01, -0.02, 0.01])
+    for _ in feed.run(8.0):
+        pass
+    pose = feed.estimator.pose(feed.now)
+    # Without an estimate of the bias, the attitude would be off by 0.5 s times the bias.
+    assert np.abs(pose.rotation - FRAMES.base_rotation).max() < 5e-4
+    assert np.abs(pose.rate).max() < 1e-3
 
 
 def test_a_clock_of_its_own_is_compared_by_the_imu() -> None:
