@@ -57,7 +57,7 @@ def test_with_two_bridges_only_stop_requests_go_to_both(
             assert second.returncode is None, second.tail()
             time.sleep(0.05)
         refusal, end = '', time.monotonic() + 120.0
-        while not refusal.startswith('found '):
+        while not refusal.startswith('several bridges '):
             assert second.returncode is None, second.tail()
             assert time.monotonic() < end, refusal
             try:
