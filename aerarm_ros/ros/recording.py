@@ -254,7 +254,7 @@ def find_topics(entries: Sequence[str]) -> list[Topic]:
     if not topics or len({topic.name for topic in topics}) != len(topics):
         raise ParameterError(
             f'parameter topics = {list(entries)} is empty or repeats a topic: name at least one '
-            'topic, and each topic once'
+            'topic, and name each topic once'
         )
     return topics
 

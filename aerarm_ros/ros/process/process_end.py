@@ -1,4 +1,4 @@
-"""Exit status of a process, signals that end it, and a time limit for its end.
+"""Exit status of a process, signals that end the process, and a time limit for its end.
 
 Fast DDS announces its end when a node is destroyed, or else in an exit handler of the C library.
 The exit handler may never return (docs/decisions.md, 70). At that time Python and its signal
