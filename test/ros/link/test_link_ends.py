@@ -135,8 +135,8 @@ def problems(ros_node: Node) -> list[str]:
     ('ahead', 'problem'),
     [
         (0.0, ''),
-        (30.0, "the ground's clock is 30000 ms ahead of this host's: run chrony or PTP"),
-        (-0.5, "the ground's clock is 500 ms behind this host's: run chrony or PTP"),
+        (30.0, "the ground's clock is 30000 ms ahead of this host's clock: run chrony or PTP"),
+        (-0.5, "the ground's clock is 500 ms behind this host's clock: run chrony or PTP"),
     ],
 )
 def test_different_clocks_are_reported(
@@ -176,7 +176,10 @@ def test_a_drone_with_an_address_of_its_ground_ignores_others(
 ) -> None:
     values.ground = '127.0.0.2'
     other = Ground(WatchedEnd(ros_node, values), values.port)
-    wanted = 'datagrams from 127.0.0.1 are ignored, because ground is 127.0.0.2: set ground:='
+    wanted = (
+        'ground_link ignores datagrams from 127.0.0.1, because the parameter ground is 127.0.0.2: '
+        'set ground:='
+    )
     while not any(wanted in text for text in problems):
         other.step()
         rclpy.spin_once(ros_node, timeout_sec=0.01)
