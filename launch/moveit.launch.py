@@ -38,7 +38,7 @@ ARGUMENTS = (
         'namespace',
         default_value='',
         choices=[''],
-        description="always empty, because MoveIt's topics are global",
+        description="namespace of the nodes; always empty, because MoveIt's topics are global",
     ),
     DeclareLaunchArgument(
         'tf_prefix',

@@ -131,7 +131,9 @@ def test_modules_are_missed_only_where_they_are_needed(
     others = {key: text for key, text in GIVEN.items() if key not in ('hardware', name)}
     assert missing(others) == []
     (text,) = missing({**others, name: value})
-    assert text.startswith(f'{name}:={value} needs the Python package {module}: ')
+    assert text.startswith(
+        f'the launch argument {name}:={value} needs the Python package {module}: '
+    )
 
 
 def test_all_missing_requirements_are_reported_together(without) -> None:

@@ -403,8 +403,9 @@ _EXPORTS = (
 _TRUTH = (
     'Error of the estimated torque of links and rotors along each motion, relative to the torque '
     'with the true parameters of the simulated arm. Measured torque is current times the nominal '
-    'torque constant, and no data can reveal an error of this constant. Therefore the true torque '
-    'is scaled by the error of the constant. The last column shows the error without this scaling.'
+    'torque constant, and no data can reveal an error of this constant. For comparison, the true '
+    'torque is therefore multiplied by the relative error of the constant. The last column shows '
+    'the error without this scaling.'
 )
 _ROLLOUTS = (
     'Simulation of the arm with the measured torque, from the measured state at the start of each '
@@ -554,8 +555,8 @@ def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
     if comparison.unmatched:
         parts.append(
             paragraph(
-                f'{comparison.unmatched} parameter sums are identifiable from only one of the '
-                'two motions.',
+                f'Only one of the two motions determines {comparison.unmatched} parameter sums, '
+                'so the comparison omits these sums.',
                 'note',
             )
         )

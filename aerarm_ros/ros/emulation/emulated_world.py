@@ -360,7 +360,7 @@ class EmulatedWorld:
         return self._origin_ns + self.loop.world_ns
 
     def newest_command(self) -> Command | None:
-        """Return the newest joint command, which was received before the cycle, or None.
+        """Return the newest of the joint commands received before the cycle, or None.
 
         Raises ValueError if that command is invalid.
         """

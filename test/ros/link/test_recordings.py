@@ -300,7 +300,7 @@ def test_a_bag_that_cannot_be_read_is_reported(
 ) -> None:
     bag = make_bag(tmp_path)
     thread = when(is_half_way(link), (bag / 'metadata.yaml').unlink)
-    with pytest.raises(ArmClientError, match='the drone cannot read bag flight'):
+    with pytest.raises(ArmClientError, match='the drone cannot read the bag flight'):
         request(client, tmp_path / 'here').fetch()
     thread.join()
 
