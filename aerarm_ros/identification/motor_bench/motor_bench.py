@@ -209,7 +209,7 @@ def _long_enough(run: MotorRun) -> bool:
 
 
 def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
-    """Return ddq, dq, sgn(dq) and the torque without gravity, all filtered by one low-pass filter."""
+    """Return ddq, dq, sgn(dq) and the torque without gravity, through one low-pass filter."""
     # Local import, because scipy.signal takes longer to import than the rest of this module.
     from scipy.signal import butter, sosfiltfilt
 
