@@ -468,7 +468,7 @@ def _stretched(times: Array, pace: Array) -> Array:
 
 
 def _smoothed(pace: Array, times: Array) -> Array:
-    """Return a pace (M,) that changes smoothly over 0.4 s, and never exceeds the given pace."""
+    """Smooth a speed factor (M,) over 0.4 s; the result never exceeds the given factor."""
     width = max(1, round(_SMOOTHED / (times[1] - times[0])))
     padded = np.concatenate([np.full(2 * width, pace[0]), pace, np.full(2 * width, pace[-1])])
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1)

@@ -106,7 +106,7 @@ def test_an_injected_fault_is_cleared_by_the_recovery_steps(start_bridge: StartB
 
 
 def test_arm_go_reports_success_and_failure(bridge: NodeProcess, tmp_path: Path) -> None:
-    posture = ('0.3', '1.4', '-0.2', '0.4')
+    posture = ('0.15', '1.5', '-0.1', '0.2')
     # The recorder listens to set_point as well, and moves nothing.
     listening = NodeProcess('recorder', parameters={'bag': str(tmp_path / 'bag')})
     with listening, NodeProcess('gravity_compensation', log=tmp_path / 'controller.log') as node:
@@ -123,10 +123,10 @@ def test_arm_go_reports_success_and_failure(bridge: NodeProcess, tmp_path: Path)
         status, text = ask('go', '0', '1.4', '9', '0')
         assert (status, 'rejected: set point: joint3 at 9 rad is outside' in text) == (1, True)
         assert node.stop() == 0
-        status, text = ask('go', *posture, '--timeout', '3')
+        status, text = ask('go', *posture, '--timeout', '1')
         assert (status, 'no controller subscribes to set_point' in text) == (1, True), text
     with NodeProcess('kinematic_control', log=tmp_path / 'cartesian.log'):
-        status, text = ask('tool', '0.2', '0.1', '0.85', '--timeout', '100')
+        status, text = ask('tool', '0.16', '0.05', '0.88', '--timeout', '100')
         assert (status, text.splitlines()[-1]) == (0, 'the tool has reached its goal'), text
         status, text = ask('tool', '0', '0', '9')
         assert (status, 'rejected: tool target' in text) == (1, True), text

@@ -67,7 +67,7 @@ def test_e_stop_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> Non
     for process in (renamed, left):
         until_said(process, ': idle')
     hint = 'Found the bridges /left/other and /my_arm: select one with --bridge NAME'
-    until(lambda: hint in run('arm', 'enable', '--timeout', '6').stderr)
+    until(lambda: hint in run('arm', 'enable', '--timeout', '3').stderr)
     # A computer that is held up may find the second only the next time.
     told = {f'{name}: the arm is damped' for name in ('/left/other', '/my_arm')}
     until(lambda: set(stop('--all', *LEFT)) == told)

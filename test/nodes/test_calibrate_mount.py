@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import moving_drone
 import numpy as np
 import pytest
 from forked_executable import run
@@ -92,6 +93,14 @@ def write_bag(path: Path, moving: MovingDrone, kind: type, imu: bool = True) -> 
             ns = round(1e9 * (START + time))
             writer.write(RecordedMessage(k, serialize_message(message), ns, ns, 1))
     return path
+
+
+@pytest.fixture(scope='module', autouse=True)
+def short_flights() -> Iterator[None]:
+    """Let the drone fly for 20 s."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(moving_drone, 'DURATION', 20.0)
+        yield
 
 
 @pytest.fixture(scope='module')

@@ -29,6 +29,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 START = np.array([0.1, 1.4, -0.1, 0.2])
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
 ABSOLUTE = {'encoders': 'absolute'}
+SHORT = {'fundamental': 0.8, 'amplitude': 0.1, 'return_to_start': False}
 
 
 @pytest.fixture
@@ -84,7 +85,7 @@ def test_the_rotors_of_a_drone_slow_the_excitation_down(tmp_path: Path, environm
     saved = tmp_path / 'played.yaml'
     drone = {'drone_file': 'config/drone.yaml', 'heading_feedforward': True}
     with ideal_arm(tmp_path, environment) as seen:
-        status, log = run(tmp_path, seed=4, save=saved, **drone)
+        status, log = run(tmp_path, seed=4, save=saved, return_to_start=False, **drone)
     assert status == 0, log
     found = re.search(r'\(([0-9.]+) times as long', log)
     assert found, log
@@ -124,7 +125,7 @@ def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node)
         topic = topics.PLANNED_MOTION
         ros_node.create_subscription(topic.type, topic.name, plans.append, topic.qos)
         seen = len(client.modes)
-        status, log = run(tmp_path)
+        status, log = run(tmp_path, **SHORT)
         client.wait_for(lambda: client.modes[seen:][-1:] == ['ready'])  # the arm is held
         assert 'damping' not in client.modes
     assert status == 0, log
@@ -140,7 +141,7 @@ def test_continues_after_a_pause_of_an_arm_with_a_renamed_clock(
 ) -> None:
     log = tmp_path / 'excitation.log'
     other_name = ('--ros-args', '-r', '/clock:=left/clock', '--')  # told to the bridge alone
-    parameters = quick(tmp_path, state_timeout=0.2)
+    parameters = quick(tmp_path, state_timeout=0.2, **SHORT)
     with NodeProcess(
         'fake_hardware', other_name, ABSOLUTE, environment, tmp_path / 'arm.log'
     ) as arm:
@@ -148,7 +149,7 @@ def test_continues_after_a_pause_of_an_arm_with_a_renamed_clock(
         with NodeProcess('excitation', (), parameters, environment, log) as node:
             wait_for_text(log, ' s  excitation ')
             os.kill(arm.pid, signal.SIGSTOP)
-            time.sleep(1.0)
+            time.sleep(0.5)
             os.kill(arm.pid, signal.SIGCONT)
             status = node.wait(120.0)
     assert status == 0, log.read_text()
@@ -217,7 +218,7 @@ def test_the_log_states_the_duration_of_damping(
     tmp_path: Path, environment, allowed, expected
 ) -> None:
     with ideal_arm(tmp_path, environment, '--damped', '0.1'):
-        status, log = run(tmp_path, damped_share_max=allowed)
+        status, log = run(tmp_path, damped_share_max=allowed, **SHORT)
     assert status == expected, log
     told = re.search(r'damped the arm 2 times, for ([0-9.]+) s \(([0-9.]+)% of the motion\)', log)
     assert told is not None, log
@@ -225,9 +226,11 @@ def test_the_log_states_the_duration_of_damping(
     assert ('the motion deviates from the plan' in log) == (expected == 1)
 
 
-def run_until_it_hears_the_mode(tmp_path: Path, **parameters: object) -> tuple[int, str, int]:
+def run_until_it_hears_the_mode(
+    tmp_path: Path, least: float = 1, **parameters: object
+) -> tuple[int, str, int]:
     """Return how it ends, given more time [s] where a busy machine did not let it hear the arm."""
-    for seconds in (3, 15, 60):
+    for seconds in (least, 15, 60):
         status, log = run(tmp_path, wait_timeout=seconds, **parameters)
         if "arm_mode is '" in log:
             break
@@ -237,7 +240,7 @@ def run_until_it_hears_the_mode(tmp_path: Path, **parameters: object) -> tuple[i
 def test_the_log_states_the_awaited_conditions(tmp_path: Path, environment) -> None:
     with ideal_arm(tmp_path, environment, '--mode', 'idle'):
         status, log, seconds = run_until_it_hears_the_mode(
-            tmp_path, subscribers=2, wait_for_recorder=True
+            tmp_path, 3, subscribers=2, wait_for_recorder=True
         )
     assert status == 1
     assert "arm_mode is 'idle': run 'arm enable'" in log
@@ -266,7 +269,7 @@ def test_two_bridges_are_named(tmp_path: Path, environment) -> None:
     bridge = NodeProcess('fake_hardware', (), ABSOLUTE, environment, tmp_path / 'bridge.log')
     with ideal_arm(tmp_path, environment, '--mode', 'idle'), bridge:
         wait_for_text(tmp_path / 'bridge.log', ': idle')
-        for seconds in (5, 15, 60):  # names of new nodes come late on a busy machine
+        for seconds in (2, 15, 60):  # names of new nodes come late on a busy machine
             status, log = run(tmp_path, wait_timeout=seconds)
             if '/fake_hardware and /ideal_arm' in log:
                 break

@@ -48,14 +48,18 @@ def test_publishes_states_of_all_joints_and_motors_with_the_system_time(
 def test_cycles_lie_on_a_grid_of_a_millisecond(client: BridgeClient) -> None:
     client.wait_for(lambda: 'cycles' in client.diagnostics.get('timing', {}))
     first = client.diagnostics['timing'], client.diagnosed
-    # A report is stamped some cycles after it was counted, and a pause may lie in between.
-    client.wait_for(lambda: client.diagnosed - first[1] > 20.0)
-    passed = client.diagnosed - first[1]
-    cycles, missed = (
-        int(client.diagnostics['timing'][key]) - int(first[0][key])
-        for key in ('cycles', 'missed cycles')
-    )
-    # However busy the machine is: what isn't run is counted as missed.
+    # A report is stamped some cycles after it was counted, and a pause may lie in between, which
+    # matters less the more time has passed.
+    for least in (6.0, 20.0, 60.0):
+        client.wait_for(lambda least=least: client.diagnosed - first[1] > least)
+        passed = client.diagnosed - first[1]
+        cycles, missed = (
+            int(client.diagnostics['timing'][key]) - int(first[0][key])
+            for key in ('cycles', 'missed cycles')
+        )
+        # However busy the machine is: what isn't run is counted as missed.
+        if cycles + missed == pytest.approx(1000 * passed, rel=0.05):
+            break
     assert cycles + missed == pytest.approx(1000 * passed, rel=0.05)
     assert cycles > 0
 

@@ -71,6 +71,7 @@ class DroneSensors:
             if message is not None:
                 publisher.publish(message)
         spin_once(self.node, 0.005)
+        time.sleep(2e-3)  # most waits are for the node's log and diagnostics, in the host's time
         self.now_ns += STEP_NS
 
     def hover(self, steps: int = 10) -> None:

@@ -1,8 +1,5 @@
 """Two drones and one ground computer, as three ROS domains of this host."""
 
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
@@ -12,6 +9,7 @@ from socket import AF_INET, SOCK_DGRAM, socket
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from forked_executable import run
 from own_domain import own_domain
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -55,9 +53,10 @@ class Ground:
 
     def arm(self, *words: str) -> str:
         """Run `arm` on the ground and return its output."""
-        command = [sys.executable, '-m', 'aerarm_ros.executables', 'arm', *words]
-        environment = {**os.environ, **self.environment}
-        done = subprocess.run(command, env=environment, capture_output=True, text=True)
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in self.environment.items():
+                patch.setenv(name, value)
+            done = run('arm', *words)
         assert done.returncode == 0, done.stderr + done.stdout
         return done.stdout
 

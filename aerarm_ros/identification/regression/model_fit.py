@@ -128,7 +128,7 @@ class RegressionBank:
         return ReducedRegression(model.columns, factors, self._rows[:, folds].sum(axis=1))
 
     def factor(self, joint: int, fold: int) -> Array:
-        """Return the triangular factor of one joint and one part of the motion."""
+        """Return the triangular factor of the regressor for one joint and one part of a motion."""
         return self._factors[joint][fold]
 
 

@@ -162,7 +162,7 @@ class ControllerNode(StateNode):
         self.subscribe()
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Compute and publish the command that answers a joint state."""
+        """Compute and publish the joint command for a joint state."""
         if self._mode not in COMMANDABLE:
             self.loop.release()
             self.answers.withdraw()

@@ -356,7 +356,7 @@ class ControlledArm:
             check_feedback(self.drone, self._whole(values, self.drone, payload))
 
     def hovering_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return a base-motion estimator for feed-forward: it ignores the drone's reaction."""
+        """Return an estimator that assumes a hovering drone, so feed-forward closes no loop."""
         return self._moved_base(values, HOVER)
 
     def measured_base(self, values: SimpleNamespace) -> BaseMotionEstimator:

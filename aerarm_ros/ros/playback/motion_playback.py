@@ -387,7 +387,7 @@ class MotionPlayback:
             )
 
     def _is_in_touch(self, stamp_ns: int, silence: float) -> bool:
-        """Return whether to answer a joint state, and decide whether the motion starts now.
+        """Return whether this joint state needs a command; decide whether the motion starts now.
 
         The motion starts when a joint state arrives shortly after an answered one. Before the
         motion, the player commands the arm to stay. If the motion started earlier, a jump of the

@@ -1,4 +1,4 @@
-"""Diagnostics of a node that answers joint states, published once per second."""
+"""Diagnostics, once per second, of a node that publishes a command for each joint state."""
 
 from __future__ import annotations
 
