@@ -56,7 +56,7 @@ def check_refusal(done: subprocess.CompletedProcess, words: str, out: Path) -> N
         ('NaN effort', 'is NaN or infinite in'),
         ('huge effort', 'reaches 1e+308 in'),
         ('repeated names', 'names joint joint3 more than once'),
-        ('repeated stamps', 'repeated'),
+        ('repeated stamps', 'stamps of bag repeat an earlier stamp'),
         ('jumping stamps', 'no joint states for 30.0'),
         ('too short', 'too short'),
         ('no motion', 'no joint moves'),

@@ -211,7 +211,7 @@ def assert_works_without_a_bridge_and_the_internet(browser: HeadlessBrowser, sit
     until(lambda: 'no joint_states in this ROS domain' in browser.text())
     browser.press('EMERGENCY STOP')
     until(lambda: 'NOT STOPPED' in browser.text())
-    assert 'no bridge offers e_stop: check that one runs in' in browser.text()
+    assert 'no bridge offers the service e_stop: check that a bridge runs in' in browser.text()
     names = browser.evaluate("performance.getEntriesByType('resource').map(e => e.name)")
     assert [name for name in names if name.startswith('http') and not name.startswith(site)] == []
 
