@@ -274,10 +274,10 @@ _ACROSS = viser.uplot.Axis(size=64, ticks=_TICKS)  # [pixels] for a minus and th
 
 @dataclass(frozen=True)
 class _Quantity:
-    """Quantity of one plot: its title, and the names of its data in `ROWS`, '' for base poses.
+    """Quantity of one plot: its title, and the names of its data in `ROWS`.
 
     The vertical scale covers at least plus and minus `small`, so that noise does not fill the
-    plot. The labels of the scale have three decimals.
+    plot. The labels of the scale have three decimals. Plots of base poses have an empty `value`.
     """
 
     title: str
