@@ -142,5 +142,5 @@ def test_a_bag_without_poses_of_the_drone_is_one_error(
 ) -> None:
     done = run('calibrator', '--mount', '--bag', flight[1], '--out', tmp_path / 'mount')
     assert done.returncode == 2
-    assert 'no poses of the drone on /odometry' in done.stderr.splitlines()[-1]
+    assert 'no poses of the drone on the topic /odometry' in done.stderr.splitlines()[-1]
     assert not (tmp_path / 'mount').exists()

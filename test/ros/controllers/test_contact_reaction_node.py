@@ -59,7 +59,7 @@ def test_boards_cannot_comply(bench: ControllerBench) -> None:
     with bench.controller('computed_torque', **parameters) as process:
         bench.wait(lambda: process.returncode is not None, 'the end')
         assert process.returncode == 1
-        assert "with feedback 'boards' the controller cannot execute the contact" in process.tail()
+        assert "with feedback 'boards' the arm cannot comply with contact" in process.tail()
 
 
 def test_arm_go_sets_the_reaction_and_reports_the_contact(bench: ControllerBench) -> None:
