@@ -77,9 +77,10 @@ def turn_findings(
     if most != joint:
         other = config.joints[most]
         return [
-            f'{this.name}: the encoder of {other.name} counted this turn; swap the cables, or '
-            f'board and channel of {this.name} ({this.board}, {this.channel}) and {other.name} '
-            f'({other.board}, {other.channel})'
+            f'{this.name}: when this joint turned, the encoder of {other.name} counted. Swap the '
+            'cables of the two joints, or swap their board and channel in the configuration '
+            f'({this.name}: {this.board}, {this.channel}; {other.name}: {other.board}, '
+            f'{other.channel})'
         ], {}
     findings = []
     carried = [name for i, name in enumerate(names) if i != joint and turned[i] > _ALSO_TURNED]

@@ -59,7 +59,7 @@ def test_a_healthy_joint_passes_and_its_numbers_are_those_of_the_arm():
 @pytest.mark.parametrize(
     ('fault', 'finding'),
     [
-        ('swapped_channels:1', 'the encoder of joint3 counted this turn'),
+        ('swapped_channels:1', 'the encoder of joint3 counted'),
         ('dead_board:1', 'board1 does not answer'),
     ],
 )

@@ -71,7 +71,7 @@ def test_a_gear_within_5_percent_passes(off):
         ),
         (turned(31.0 * 1.06), r'\(\+6 %\)'),
         (turned(sign=-1.0), 'counts in the opposite direction .* set sign: -1'),
-        (turned(joint=3), r'the encoder of joint4 counted this turn; swap .* joint4 \(1, 1\)'),
+        (turned(joint=3), r'the encoder of joint4 counted\. Swap .* joint4: 1, 1\)'),
         (turned(2.0), 'no encoder counted'),
         (turned(pulses=0), '0 index pulses in 7.8 motor turns'),
         (replace(turned(), span=(0.0, 27.0 * 0.6, 31.0 * TURN, 0.0)), 'joint2 turned as well'),

@@ -346,7 +346,9 @@ def solve_relaxed(
                 raise
         else:
             return theta, _notes(limits, bounds, failures)
-    raise AssertionError('the program without bounds must have a solution')
+    raise AssertionError(
+        'the semidefinite program without bounds on the links must have a solution'
+    )
 
 
 def _relaxations(limits: PhysicalLimits) -> Iterator[LinkBounds]:
