@@ -140,7 +140,7 @@ def _ask(**request: object) -> Any:
 
 def _server() -> subprocess.Popen[str]:
     if not _servers:
-        command = [sys.executable, __file__, str(os.getpid())]
+        command = [sys.executable, __file__]
         pipe = subprocess.PIPE
         server = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
         _servers.append(server)
@@ -152,8 +152,11 @@ def _server() -> subprocess.Popen[str]:
 
 
 def _serve() -> None:
-    """Answer each request, a line, with the id of a new process or the status of an old one."""
-    die_with_parent(int(sys.argv[1]))
+    """Answer each request, a line, with the id of a new process or the status of an old one.
+
+    The end of the input ends this process. `die_with_parent` would end it with the thread that
+    started it, which may be a short one.
+    """
     for module in (*command_modules().values(), *_LATE):
         importlib.import_module(module)
     # They run as programs, so they must not be imported before.
