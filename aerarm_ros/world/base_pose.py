@@ -27,6 +27,7 @@ _NOISE_MIN = np.array([3e-4, 1e-3])
 _NOISE_SAMPLES = 50.0
 _OUTLIER = 4.0  # largest squared error of one sample, in multiples of the variance
 _RATE_BIAS_MAX = 0.1  # [rad/s]
+_RATE_BIAS_TURN = 0.03  # [rad] larger attitude errors are jumps, which must not become a bias
 _ATTITUDE_TIME = 0.5  # [s] in which the odometry's attitude corrects the gyroscope's drift
 _HISTORY = 200  # number of predicted poses: 0.8 s at 250 Hz
 _IMU_GAP = 0.05  # [s] without an IMU sample, after which the base is extrapolated
@@ -160,13 +161,13 @@ class BasePoseEstimator:
         self.age = np.nan
         self.jumps = self.rejections = 0
         self.noise = _NOISE.copy()
+        self._rate_bias = np.zeros(3)
         self._forget()
 
     def _forget(self) -> None:
         """Clear the filter, which the next odometry sample initializes."""
         self._state: _Predicted | None = None
         self._bias, self._variance = np.zeros(3), _FIRST.copy()
-        self._rate_bias = np.zeros(3)
         self._rate, self._force = np.zeros(3), np.zeros(3)
         self._history: deque[_Predicted] = deque(maxlen=_HISTORY)
         self._imu_stamp = self._stamp = -np.inf
@@ -409,13 +410,13 @@ class BasePoseEstimator:
         self._variance = self._variance - gain @ self._variance[:2]
         self._variance = 0.5 * (self._variance + self._variance.T)
         shift, change, bias = gain @ np.array([off, faster])
-        part = min(now - self._received, _ATTITUDE_TIME) / _ATTITUDE_TIME
+        interval = now - self._received
+        part = min(interval, _ATTITUDE_TIME) / _ATTITUDE_TIME
         correction = _turned(part * turn)
-        if self._has_imu(measured.time):
+        if self._has_imu(measured.time) and interval < self._timeout:
             # Attitude and bias form a critically damped filter.
-            self._rate_bias = limited(
-                self._rate_bias - part / (4.0 * _ATTITUDE_TIME) * turn, _RATE_BIAS_MAX
-            )
+            off_rate = part / (4.0 * _ATTITUDE_TIME) * limited(turn, _RATE_BIAS_TURN)
+            self._rate_bias = limited(self._rate_bias - off_rate, _RATE_BIAS_MAX)
         self._apply(measured.time, shift, change, correction)
         bias = self._bias + predicted.rotation.T @ bias
         self._bias = np.minimum(np.maximum(bias, -_BIAS_MAX), _BIAS_MAX)

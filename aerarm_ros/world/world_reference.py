@@ -274,8 +274,8 @@ class WorldToolReference:
     def _require_reach(self, what: str, places: Array, now: float) -> None:
         if np.abs(places).max() > _PLACE_MAX:
             raise RejectedInputError(f'{what} is more than {_PLACE_MAX:g} m away: check its unit')
-        self.base.accept_next()
         if self.base.problem(now):
+            self.base.accept_next()
             return  # checked again before the motion continues
         pose = self.base.pose(now)
         beyond = self._reach((places - pose.position) @ pose.rotation, self._q)

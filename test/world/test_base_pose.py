@@ -1,6 +1,7 @@
 """The base's pose with late, noisy, silent, frozen, repeated or jumping odometry."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -195,3 +196,12 @@ def test_a_large_jump_is_rejected_until_somebody_gives_a_target() -> None:
     feed.estimator.accept_next()
     feed.settle()
     assert feed.estimator.problem(feed.now) == ''
+
+
+def test_a_step_of_the_attitude_is_no_bias_of_the_gyroscope() -> None:
+    feed, half = Feed(), 0.07
+    feed.settle()
+    step = np.array([0.0, 0.0, np.sin(half), np.cos(half)])
+    feed.change = lambda sample: [replace(sample, attitude=step)]
+    rates = [abs(feed.estimator.pose(now).rate[2]) for now in feed.run(4.0)]
+    assert max(rates) < 0.03
