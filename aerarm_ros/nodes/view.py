@@ -128,7 +128,7 @@ class View:
         print(f'{NAME}: open {address} in a browser', flush=True)
         if not is_loopback(self._values.host):
             self._node.get_logger().warning(
-                'the page is open to the network: everyone who knows its URL can move the arm'
+                'the page is reachable from the network: any browser with its URL can move the arm'
             )
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)

@@ -14,7 +14,6 @@ from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.laws.kinematic_control import DampedInverse, resolve_within
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.path_stop import brake
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference, limited
@@ -322,38 +321,3 @@ class WorldLaw:
         low = np.maximum(-most, _VELOCITY_RATE * (lower - dq))
         # A joint that must brake does so beyond its acceleration limit.
         return np.minimum(low, high), np.maximum(low, high)
-
-
-def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> float:
-    """Return the drone's effective inertia with a held tool, relative to held joints.
-
-    The arm then does not rotate with the drone. With the inverse `J_q^+` of the tool's Jacobian,
-    the base has the inertia `M_bb - M_bj J_q^+ J_b`. The result compares this inertia's angular
-    part with the inertia of arm and drone as one rigid body, about the common centre of mass. The
-    result is the least eigenvalue of the ratio of the two inertias. The frequency of the drone's
-    attitude loop grows by one over the root of the result, compared with held joints.
-
-    Parameters
-    ----------
-    whole : WholeBodyDynamics
-        Model of arm and drone.
-    kinematics : Kinematics
-        Kinematics of the tool frame that is held.
-    q : (n,) ndarray
-        Posture of the arm [rad].
-    """
-    matrix = np.array(whole.inertia_matrix(q))
-    _, com, inertia = whole.composite_inertia(q)
-    place = kinematics.position(q)
-    at_tool = np.hstack([np.eye(3), -_skew(place)])
-    joints = np.linalg.pinv(kinematics.position_jacobian(q)) @ at_tool
-    held = matrix[:6, :6] - matrix[:6, 6:] @ joints
-    # A rotation about the centre of mass moves the base's origin by com x rotation.
-    turn = np.vstack([_skew(com), np.eye(3)])
-    felt = turn.T @ held @ turn
-    return float(np.linalg.eigvals(np.linalg.solve(inertia, 0.5 * (felt + felt.T))).real.min())
-
-
-def _skew(vector: Array) -> Array:
-    x, y, z = vector.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -63,4 +63,4 @@ def test_a_drone_that_would_crash_is_rejected(ros_domain: dict[str, str], tmp_pa
     file = write_drone(scaled_drone(2.0), tmp_path / 'drone.yaml')
     done = run('world_control', parameters={'drone_file': file, 'base_motion': 'free'})
     assert done.returncode == 1
-    assert '1.3 times as heavy as the arm' in done.stderr
+    assert '1.34 times as heavy as the arm' in done.stderr

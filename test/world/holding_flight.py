@@ -59,7 +59,7 @@ POSTURE = 0.0, 1.3, 0.0, 1.5
 SETTLED, BEGIN = 2.0, 3.0  # [s] of the target, and of the start of the evaluation
 GENERALISED, ORDINARY, HELD = 'generalised', 'ordinary', 'joints held'
 COPLANAR = FlightGains(3.5, 3.5, 8.0, position_integral=0.1, attitude_integral=0.1)
-# Under an arm that holds its tool, a light drone has less effective inertia: see `felt_share`.
+# Under an arm that holds its tool, a light drone has less effective inertia.
 LIGHT = FlightGains(2.5, 2.5, 5.0, position_integral=0.1, attitude_integral=0.1)
 FULL = FlightGains(8.67, 8.67, 9.0, position_integral=0.1, attitude_integral=0.1)
 GOOD = 100.0, 0.01, 1e-3, 5e-3

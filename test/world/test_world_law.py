@@ -12,7 +12,7 @@ from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.world.base_pose import BasePose, _turned
-from aerarm_ros.world.world_law import WorldGains, WorldLaw, WorldReference, felt_share
+from aerarm_ros.world.world_law import WorldGains, WorldLaw, WorldReference
 
 Array = npt.NDArray[np.float64]
 
@@ -153,13 +153,6 @@ def test_joints_stay_within_their_limits(
         assert np.all(q > limits.position_min)
         assert np.all(q < limits.position_max)
         assert np.all(np.abs(dq) < 1.02 * limits.velocity_max)
-
-
-def test_a_drone_feels_less_of_its_inertia_while_the_tool_is_held(
-    carried: MovingBaseDynamics,
-) -> None:
-    share = felt_share(carried.whole, Kinematics(carried.robot), Q)
-    assert 0.0 < share < 0.8
 
 
 def test_a_limit_of_the_reaction_changes_the_acceleration_but_not_braking_at_a_limit(

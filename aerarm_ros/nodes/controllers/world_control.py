@@ -80,9 +80,9 @@ PARAMETERS = controller_parameters(
         ), 'rad', -7.0, 7.0,
                   element=float),
         Parameter('posture_kp', _GAINS.posture_kp,
-            'null-space stiffness towards the null-space joint configuration', '1/s^2', 0.0, 400.0),
+            'stiffness of the null-space motion towards posture', '1/s^2', 0.0, 400.0),
         Parameter('posture_kd', _GAINS.posture_kd,
-            'damping towards the null-space joint configuration', '1/s', 0.0, 40.0),
+            'damping of the null-space motion towards posture', '1/s', 0.0, 40.0),
         Parameter('singular_threshold', 0.06,
             'singular value of the generalized Jacobian below which its inverse is damped',
             'm/rad', 1e-4, 1.0),
@@ -252,11 +252,10 @@ class WorldControlNode(ControllerNode):
             )
         margin = self.topics.margin
         if margin is not None and (margin.time < _SOON or margin.least < _NEAR):
-            return (
-                'the arm is near the end of its reach: the drone may move '
-                f'{1000.0 * margin.least:.0f} mm further, which takes {margin.time:.1f} s at its '
-                'present velocity. Move the drone nearer to the tool'
-            )
+            left = f'the drone may move {1000.0 * margin.least:.0f} mm further'
+            if margin.time < _SOON:
+                left += f', and at its velocity leaves the reach in {margin.time:.1f} s'
+            return f'the arm is near the end of its reach: {left}. Move the drone to the tool'
         pusher = self.reference.force
         if pusher is not None and pusher.reason:
             return f'the tool no longer presses on the wall: {pusher.reason}'
@@ -296,7 +295,7 @@ def _require_heavy_drone(arm: ControlledArm, least: float) -> None:
     ratio = arm.drone.mass / mass
     if ratio < least:
         raise ValueError(
-            f'drone_file: the drone is {ratio:.1f} times as heavy as the arm of {mass:.2f} kg; a '
+            f'drone_file: the drone is {ratio:.2f} times as heavy as the arm of {mass:.2f} kg; a '
             'drone this light can become unstable while the arm holds its tool. Check both masses, '
             f'or set mass_ratio_min (now {least:g}) lower if simulated flights with this drone and '
             'its gains are stable'

@@ -349,7 +349,7 @@ class ToolRequest(_MotionRequest):
             If no Cartesian controller runs, the controller is not active, or the position is
             rejected or not reached.
         """
-        self._find(timeout, on_wait)
+        self._find(timeout, on_wait, 'world_control' if frame == WORLD else 'kinematic_control')
         assert self._pose is not None
         self._require_frame(frame, self._pose.header.frame_id)
         self._rejections.begin(timeout)
@@ -385,14 +385,14 @@ class ToolRequest(_MotionRequest):
                 'position in that frame, with --frame world'
             )
 
-    def _find(self, timeout: float, on_wait: Callable[[str], None]) -> None:
+    def _find(self, timeout: float, on_wait: Callable[[str], None], controller: str) -> None:
         """Wait until a controller publishes the tool's pose and subscribes to target poses."""
 
         def is_there() -> bool:
             has_pose = self._pose is not None and bool(self._mode)
             return has_pose and self._publisher.get_subscription_count() > 0
 
-        what = f'a controller that moves the tool, such as kinematic_control, in {this_domain()}'
+        what = f'a controller that moves the tool, such as {controller}, in {this_domain()}'
         if not spin_until(self._node, is_there, min(timeout, 1.0)):
             on_wait(what)
             if not spin_until(self._node, is_there, timeout):
