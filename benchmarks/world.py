@@ -5,8 +5,10 @@ so the figures do not depend on the host. Wind of 1.5 N RMS below 0.5 Hz pushes 
 arm's controller receives a 100 Hz odometry with a delay of 10 ms and noise of 1 mm and 5 mm/s. The
 cases are: a tool held in place, a tool on a path of 20 cm, a poor odometry, light drones, a fully
 actuated drone, and a wrong model of the arm. For comparison, the ordinary Jacobian and held joints
-are used. Further cases press the tool on a wall with a set force, slide along the wall, or lose
-the wall. `make world` writes a page with a replay.
+are used. The table also gives the physical bound of each flight: how far the target was beyond the
+arm's reach at most, how far the drone could still move, and the largest tilt. Further cases press
+the tool on a wall with a set force, slide along the wall, or lose the wall. `make world` writes a
+page with a replay.
 """
 
 import argparse
@@ -28,10 +30,12 @@ from rclpy.node import Node
 
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
-LINE = '{:20} {:>8} {:>6} {:>9} {:>6} {:>6}  {}'
+LINE = '{:20} {:>8} {:>6} {:>9} {:>6} {:>6} {:>9} {:>7} {:>8}  {}'
 PUSH_LINE = '{:24} {:>8} {:>7} {:>10} {:>8} {:>6}  {}'
 PUSH_HEADINGS = ('push', 'force N', 'peak N', 'across mm', 'stop mm', 'goal', '')
-HEADINGS = ('flight', 'tool mm', 'max', 'drone mm', 'max', 'goal', '')
+HEADINGS = (
+    'flight', 'tool mm', 'max', 'drone mm', 'max', 'goal', 'beyond mm', 'left mm', 'tilt deg', ''
+)  # fmt: skip
 
 
 def fly(node: Node, name: str, arm: ArmModel, seconds: float) -> HoldingRecord | str:
@@ -68,10 +72,11 @@ def push_line(name: str, record: PushingRecord | str) -> str:
 def line(name: str, record: HoldingRecord | str) -> str:
     """Return the line of a flight for the table."""
     if isinstance(record, str):
-        return LINE.format(name, *['-'] * 5, record)
+        return LINE.format(name, *['-'] * 8, record)
     goal = CASES[name].goal
-    figures = [f'{value:.1f}' for value in record.figures()]
-    return LINE.format(name, *figures, f'{goal:g}' if goal < 100.0 else '', record.diagnostics)
+    figures, bound = ([f'{value:.1f}' for value in x] for x in (record.figures(), record.bound))
+    asked = f'{goal:g}' if goal < 100.0 else ''
+    return LINE.format(name, *figures, asked, *bound, record.diagnostics)
 
 
 def main() -> int:

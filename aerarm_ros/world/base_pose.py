@@ -27,17 +27,25 @@ _NOISE_MIN = np.array([3e-4, 1e-3])
 _NOISE_SAMPLES = 50.0
 _OUTLIER = 4.0  # largest squared error of one sample, in multiples of the variance
 _RATE_BIAS_MAX = 0.1  # [rad/s]
-_RATE_BIAS_TURN = 0.03  # [rad] larger attitude errors are jumps, which must not become a bias
+# [rad] Attitude errors that count fully for the bias, and above which they count as a step.
+_RATE_BIAS_TURN, _RATE_BIAS_STEP = 0.03, 0.1
+_NOISE_SHARE = 2.0  # standard deviations of the odometry that the correction takes at any speed
+_LEVER = (
+    0.8  # [m] largest distance of the tool from the base, for the speed of attitude corrections
+)
 _ATTITUDE_TIME = 0.5  # [s] in which the odometry's attitude corrects the gyroscope's drift
 _HISTORY = 200  # number of predicted poses: 0.8 s at 250 Hz
 _IMU_GAP = 0.05  # [s] without an IMU sample, after which the base is extrapolated
 _LONGEST_STEP = 0.02  # [s] of an undivided prediction step
 # Difference from the prediction above which a sample counts as a jump: [m], [rad]; and standard
 # deviations.
-_JUMP, _TURN, _DEVIATIONS = 0.03, 0.15, 6.0
+_JUMP, _TURN, _DEVIATIONS = 0.02, 0.15, 5.0
 _DOUBT = 0.1  # [s] for which a jump must stay before it is accepted
 _GROWTH = 0.3  # [m/s] growth of the prediction's error without odometry
-_SAME_CLOCK = 0.25  # [s] largest plausible age of an IMU sample; more is a clock offset
+# [s] largest plausible age of an IMU sample beyond its latency, more is a clock offset; time over
+# which the smallest age is observed; and a step of the clock, which restarts this.
+_SAME_CLOCK, _CLOCK_TIME, _CLOCK_STEP = 0.05, 2.0, 1.0
+_LATE = 0.1  # [s] mean age of the odometry, for a warning
 _AGE_TIME = 1.0  # [s] over which the age is averaged
 _FROZEN, _MOVING_RATE, _MOVING_SPEED = 0.1, 0.02, 0.02  # [s], [rad/s], [m/s]
 _FORGOTTEN = 1.0  # [s] without odometry, after which the next sample is accepted without comparison
@@ -123,8 +131,12 @@ class BasePoseEstimator:
 
     Without IMU samples the pose is extrapolated with the odometry's velocities.
 
+    No correction moves the tool faster than `recovery_speed`, so a jump that is too small to be
+    detected moves the tool slowly.
+
     The estimator measures ages by the drone's clock, which stamps odometry and IMU. The arm's clock
-    may differ; the arrival times of IMU samples give the offset between the clocks.
+    may differ: if even the fastest IMU samples of 2 s arrive more than 0.05 s later than
+    `imu_latency`, or before their stamp, their arrival times give the offset between the clocks.
 
     Parameters
     ----------
@@ -133,7 +145,10 @@ class BasePoseEstimator:
     jump_max : float
         Largest jump [m] of the odometry that is accepted.
     imu_latency : float
-        Age of an IMU sample at reception [s], used if the drone's clock differs from the arm's.
+        Age of an IMU sample at reception [s].
+    recovery_speed : float
+        Largest velocity [m/s] at which a correction of the pose moves the tool. The noise of the
+        odometry is excepted.
 
     Attributes
     ----------
@@ -153,15 +168,22 @@ class BasePoseEstimator:
         timeout: float = 0.2,
         jump_max: float = 0.5,
         imu_latency: float = 0.0,
+        recovery_speed: float = 0.1,
     ) -> None:
         self._frames = frames
         self._timeout = positive('odometry_timeout', timeout)
         self._jump_max = positive('jump_max', jump_max)
         self._imu_latency = imu_latency
+        self._speed_max = positive('recovery_speed', recovery_speed)
         self.age = np.nan
         self.jumps = self.rejections = 0
         self.noise = _NOISE.copy()
         self._rate_bias = np.zeros(3)
+        self._ages, self._aged = (
+            (np.inf, np.inf),
+            -np.inf,
+        )  # smallest ages of the IMU, and since when
+        self._offset = 0.0  # the arm's clock minus the drone's [s]
         self._forget()
 
     def _forget(self) -> None:
@@ -172,7 +194,6 @@ class BasePoseEstimator:
         self._history: deque[_Predicted] = deque(maxlen=_HISTORY)
         self._imu_stamp = self._stamp = -np.inf
         self._interval = 0.0  # between the last two odometry samples [s]
-        self._offset: float | None = None  # the arm's clock minus the drone's [s]
         self._received = -np.inf  # time of the newest valid odometry, by the arm's clock
         self._good_since = np.inf
         self._doubted: tuple[float, Array] | None = None
@@ -192,12 +213,30 @@ class BasePoseEstimator:
             return 'the odometry has just started'
         return ''
 
+    def warning(self) -> str:
+        """Return a text if the sensors are too poor to hold the tool, otherwise an empty one."""
+        if abs(self._offset) > _SAME_CLOCK:
+            return (
+                f'IMU: the samples arrive {min(self._ages):.3f} s after their stamps (imu_latency: '
+                f'{self._imu_latency:g}), so the controller assumes that the clocks of drone and '
+                'arm differ: synchronise them, or set imu_latency if this is the delay'
+            )
+        if self.age > _LATE:
+            return (
+                f'odometry: the samples are {self.age:.2f} s old on average: check the delay and '
+                'the clock of the publisher'
+            )
+        if np.linalg.norm(self._rate_bias) > 0.99 * _RATE_BIAS_MAX:
+            return (
+                f'IMU: the bias of the gyroscope exceeds {_RATE_BIAS_MAX:g} rad/s: calibrate it, '
+                "and check the IMU's orientation in the drone file or imu_frame"
+            )
+        return ''
+
     def accept_next(self) -> None:
         """Accept the next odometry even after a jump, as a new target refers to its frame."""
         if self._problem:
-            offset = self._offset
             self._forget()
-            self._offset = offset
 
     def offer_imu(self, sample: ImuSample, now: float) -> None:
         """Process a valid IMU sample that was received at `now` [s] on the arm's clock."""
@@ -262,18 +301,22 @@ class BasePoseEstimator:
     # Time.
 
     def _compare_clocks(self, stamp: float, now: float) -> None:
-        offset = now - stamp
-        if 0.0 <= offset <= _SAME_CLOCK:
-            self._offset = 0.0
-            return
-        offset -= self._imu_latency
-        if self._offset is None or self._offset == 0.0 or abs(offset - self._offset) > 1.0:
-            self._offset = offset
-        # The earliest arrival has the least delay; a slow drift of the clocks is followed.
-        self._offset = min(self._offset + 1e-6, offset)
+        age = now - stamp
+        earlier, least = self._ages
+        if age - min(earlier, least) > _CLOCK_STEP or now < self._aged:
+            earlier = least = np.inf
+        elif now - self._aged > _CLOCK_TIME:
+            earlier, least = least, np.inf
+        if np.isinf(least):
+            self._aged = now
+        self._ages = earlier, min(least, age)
+        # The earliest arrival has the least delay.
+        least = min(self._ages)
+        same = 0.0 <= least <= self._imu_latency + _SAME_CLOCK
+        self._offset = 0.0 if same else least - self._imu_latency
 
     def _drone_time(self, now: float) -> float:
-        return now - (self._offset or 0.0)
+        return now - self._offset
 
     def _has_imu(self, time: float) -> bool:
         return abs(time - self._imu_stamp) < _IMU_GAP
@@ -409,11 +452,15 @@ class BasePoseEstimator:
         self.noise = np.sqrt(np.maximum(variance, _NOISE_MIN**2))
         self._variance = self._variance - gain @ self._variance[:2]
         self._variance = 0.5 * (self._variance + self._variance.T)
-        shift, change, bias = gain @ np.array([off, faster])
         interval = now - self._received
+        farthest = self._speed_max * interval
+        largest = max(farthest / gain[0, 0], _NOISE_SHARE * float(self.noise[0]))
+        shift, change, bias = gain @ np.array([limited(off, largest), faster])
         part = min(interval, _ATTITUDE_TIME) / _ATTITUDE_TIME
-        correction = _turned(part * turn)
-        if self._has_imu(measured.time) and interval < self._timeout:
+        most = max(farthest / _LEVER, _RATE_BIAS_MAX * interval)
+        correction = _turned(limited(part * turn, most))
+        is_step = float(np.linalg.norm(turn)) > _RATE_BIAS_STEP
+        if not is_step and self._has_imu(measured.time) and interval < self._timeout:
             # Attitude and bias form a critically damped filter.
             off_rate = part / (4.0 * _ATTITUDE_TIME) * limited(turn, _RATE_BIAS_TURN)
             self._rate_bias = limited(self._rate_bias - off_rate, _RATE_BIAS_MAX)

@@ -2,7 +2,7 @@
 
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,22 +16,28 @@ from geometry_msgs.msg import PoseStamped, Transform
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
+from scipy.spatial.transform import Rotation
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.control.base.base_motion import rotation_matrix
+from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.robot import load_robot
+from aerarm_ros.description.drone_config import PoseConfig
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
+from aerarm_ros.world.base_pose import BasePose
+from aerarm_ros.world.reach import ArmReach
 
 SETTLING = 2.0  # [s] after the target, before the evaluation
 LENGTH, FREQUENCY, GROWTH = 0.2, 0.25, 2.0  # [m], [Hz], [s] of the path
 _POINT = 0.05  # [s]
+_BOUND_THINNED = 25  # one of so many rows for the physical bound
 _REPORT = 2.5  # [s] of host time in which every node reports
 
 
@@ -53,6 +59,10 @@ class HoldingRecord:
         Actual and desired tool positions in the world [m].
     diagnostics : str
         Last diagnostics of the controller, '' without a problem.
+    bound : tuple of float
+        Physical bound: largest distance [mm] of the target from all points that the arm could
+        reach, smallest distance [mm] that the drone could still move, largest tilt of the drone
+        [deg].
     """
 
     times: np.ndarray
@@ -62,6 +72,7 @@ class HoldingRecord:
     tools: np.ndarray
     targets: np.ndarray
     diagnostics: str = ''
+    bound: tuple[float, float, float] = (np.nan, np.nan, np.nan)
 
     def figures(self) -> tuple[float, float, float, float]:
         """Return RMS and maximum of tool error and drone position error [mm]."""
@@ -70,6 +81,22 @@ class HoldingRecord:
         drone = 1e3 * np.linalg.norm(self.places, axis=1)[rows]
         rms = [float(np.sqrt((x**2).mean())) for x in (tool, drone)]
         return rms[0], float(tool.max()), rms[1], float(drone.max())
+
+    def with_bound(self, robot: Robot, mount: PoseConfig) -> 'HoldingRecord':
+        """Return this record with the physical bound of an arm under this moving drone."""
+        reach = ArmReach(Kinematics(robot), JointLimits.from_config(load_arm_config()))
+        left: list[tuple[float, float]] = []
+        rows = np.flatnonzero(self.times > SETTLING)[::_BOUND_THINNED]
+        bodies = Rotation.from_quat(self.attitudes[rows])
+        for row, body in zip(rows, bodies.as_matrix(), strict=True):
+            place = self.places[row] + body @ mount.position
+            pose = BasePose(place, np.zeros(3), body @ mount.rotation, np.zeros(3))
+            q, target = self.postures[row], self.targets[row]
+            least = reach.margin(q, pose, target).least
+            left.append((reach.beyond(pose.to_base(target), q), least))
+        beyond, least = np.array(left).T
+        tilt = np.degrees(np.arccos(bodies.as_matrix()[:, 2, 2].min()))
+        return replace(self, bound=(1e3 * beyond.max(), 1e3 * least.min(), float(tilt)))
 
 
 class HoldingBench:
@@ -90,7 +117,8 @@ class HoldingBench:
         drone = case.flown
         file = write_drone(drone, folder / 'drone.yaml')
         self._mount = drone.mount
-        self._kinematics = Kinematics(load_robot(gravity_in_base=drone.gravity_in_base))
+        self._robot = load_robot(gravity_in_base=drone.gravity_in_base)
+        self._kinematics = Kinematics(self._robot)
         self._reader = RawReader(node, *self.recorded)
         stack.callback(self._reader.destroy)
         self._codec = JointStateCdr(load_arm_config().joint_names)
@@ -143,7 +171,7 @@ class HoldingBench:
         record = self._record(self._seen(seconds), begin, start)
         if self.case.path:
             record.targets[:] += swing(record.times, path_length(seconds))
-        return record
+        return record.with_bound(self._robot, self._mount)
 
     def _record(
         self, rows: list[tuple[float, ...]], begin: float, target: np.ndarray

@@ -19,7 +19,10 @@ PUSH_COLUMNS = (
     'flight', 'force error RMS [N]', 'peak [N]', 'tool error across RMS [mm]', 'stop [mm]',
     'goal [N] or [mm]', 'status',
 )  # fmt: skip
-COLUMNS = 'flight', 'tool RMS [mm]', 'largest', 'drone RMS [mm]', 'largest', 'goal [mm]', 'status'
+COLUMNS = (
+    'flight', 'tool RMS [mm]', 'largest', 'drone RMS [mm]', 'largest', 'goal [mm]',
+    'target beyond reach [mm]', 'drone could still move [mm]', 'largest tilt [deg]', 'status',
+)  # fmt: skip
 _THINNED = 8
 _REPLAYED, _REPLAYED_PUSH = 'tool at rest', 'push and slide, 1e3 N/m'
 
@@ -68,8 +71,8 @@ def _row(name: str, record: HoldingRecord | str) -> tuple[object, ...]:
     goal = CASES[name].goal
     asked = goal if np.isfinite(goal) else None
     if isinstance(record, str):
-        return name, *[None] * 4, asked, record
-    return name, *record.figures(), asked, record.diagnostics
+        return name, *[None] * 4, asked, *[None] * 3, record
+    return name, *record.figures(), asked, *record.bound, record.diagnostics
 
 
 def _pushes(pushes: Mapping[str, PushingRecord | str]) -> list[Html]:

@@ -205,3 +205,54 @@ def test_a_step_of_the_attitude_is_no_bias_of_the_gyroscope() -> None:
     feed.change = lambda sample: [replace(sample, attitude=step)]
     rates = [abs(feed.estimator.pose(now).rate[2]) for now in feed.run(4.0)]
     assert max(rates) < 0.03
+
+
+@pytest.mark.parametrize('turn', [0.0, 0.14])
+def test_a_jump_too_small_to_be_detected_moves_the_tool_slowly(turn: float) -> None:
+    feed = Feed(rate=30.0, late=0.03)
+    feed.estimator = BasePoseEstimator(FRAMES, recovery_speed=0.05)
+    feed.settle()
+    shift = np.array([0.0, 0.0 if turn else 0.025, 0.0])
+    turned = np.array([0.0, 0.0, np.sin(0.5 * turn), np.cos(0.5 * turn)])
+    ahead = np.array([np.cos(turn), -np.sin(turn), 0.0])  # the velocity stays along x of the world
+
+    def changed(sample: OdometrySample) -> list[OdometrySample]:
+        moved = odometry(sample.stamp, shift)
+        return [replace(moved, attitude=turned, velocity=moved.velocity[0] * ahead)]
+
+    feed.change = changed
+    tool = FRAMES.base_rotation.T @ np.array([0.4, 0.0, -0.2])
+    still = FRAMES.base_position + FRAMES.base_rotation @ tool
+    poses = [(now, feed.estimator.pose(now)) for now in feed.run(3.0)]
+    off = np.array([pose.to_world(tool) - place(now) - still for now, pose in poses])
+    speed = np.linalg.norm(off[15:] - off[:-15], axis=1) / (15 * CYCLE)
+    assert feed.estimator.jumps == 0
+    assert speed.max() < 0.06
+    assert np.linalg.norm(off[-1]) > 0.02
+
+
+@pytest.mark.parametrize('clock', [-0.1, 0.1])
+def test_a_small_difference_of_the_clocks_is_corrected_and_named(clock: float) -> None:
+    feed = Feed()
+    feed.clock = clock
+    feed.change = lambda sample: [replace(sample, stamp=sample.stamp + clock)]
+    feed.settle()
+    assert feed.errors(2.0).max() < 2e-3
+    assert 'synchronise' in feed.estimator.warning()
+    feed.clock = 0.0
+    feed.change = lambda sample: [sample]
+    for _ in feed.run(6.0):
+        pass
+    assert feed.estimator.warning() == ''
+    assert feed.errors(2.0).max() < 2e-3
+
+
+def test_sensors_that_hold_the_tool_poorly_are_named() -> None:
+    feed = Feed(late=0.15)
+    feed.settle()
+    assert 'old on average' in feed.estimator.warning()
+    feed = Feed()
+    feed.rate_bias = np.array([0.0, 0.0, 0.2])
+    for _ in feed.run(8.0):
+        pass
+    assert 'bias of the gyroscope' in feed.estimator.warning()

@@ -177,6 +177,7 @@ def _limited(acceleration: Array) -> Array:
 
 # Vibration changes the last digits of consecutive samples in flight.
 _FROZEN = 0.1  # [s]
+_REST = 0.1  # [m/s^2] from the gravity that a resting IMU feels
 _FORCE_MAX = 50.0  # [m/s^2]; in flight the rotors cause all specific force
 # Largest change by rotors and arm within a step, and the noise per time; larger steps count
 # equally.
@@ -200,6 +201,7 @@ class ImuWatch:
         self._previous: ImuSample | None = None  # accepted or not
         self._changed = {'acceleration': -np.inf, 'angular velocity': -np.inf}
         self._turn_error = np.zeros(3)
+        self._has_turned = False
         self.forget()
 
     def forget(self) -> None:
@@ -242,7 +244,10 @@ class ImuWatch:
                 self._changed[what] = sample.stamp
         what = min(self._changed, key=self._changed.__getitem__)
         since = sample.stamp - self._changed[what]
-        if since > _FROZEN:
+        # Before take-off, an emulated IMU without noise feels constant gravity.
+        self._has_turned |= bool(sample.angular_velocity.any())
+        stands = abs(float(np.linalg.norm(sample.specific_force)) - 9.81) < _REST
+        if since > _FROZEN and (self._has_turned or not stands):
             raise RejectedInputError(
                 f'IMU: its {what} is frozen, unchanged for {since:.1f} s; check the driver'
             )

@@ -182,6 +182,7 @@ class WorldControlNode(ControllerNode):
             values.odometry_timeout,
             values.jump_max,
             values.imu_latency,
+            values.recovery_speed,
         )
         slow = TargetFollower(kinematics, _RECOVERY[0], values.recovery_speed, _RECOVERY[1])
         reach = ArmReach(Kinematics(arm.robot, values.frame), arm.limits)
@@ -250,12 +251,16 @@ class WorldControlNode(ControllerNode):
             return (
                 f'the controller holds the tool in the base frame, because {self.reference.reason}'
             )
-        margin = self.topics.margin
-        if margin is not None and (margin.time < _SOON or margin.least < _NEAR):
-            left = f'the drone may move {1000.0 * margin.least:.0f} mm further'
-            if margin.time < _SOON:
-                left += f', and at its velocity leaves the reach in {margin.time:.1f} s'
+        recent = tuple(self.topics.recent)
+        least = min((margin.least for margin in recent), default=np.inf)
+        time = min((margin.time for margin in recent), default=np.inf)
+        if least < _NEAR or time < _SOON:
+            left = f'the drone may move {1000.0 * least:.0f} mm further'
+            if time < _SOON:
+                left += f', and at its velocity leaves the reach in {time:.1f} s'
             return f'the arm is near the end of its reach: {left}. Move the drone to the tool'
+        if problem := self.pose.warning():
+            return problem
         pusher = self.reference.force
         if pusher is not None and pusher.reason:
             return f'the tool no longer presses on the wall: {pusher.reason}'

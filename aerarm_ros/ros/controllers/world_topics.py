@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 _POSE_PERIOD_NS = 20_000_000
 _REACH_PERIOD = 0.2  # [s]
+_RECENT = 15  # last computed reaches, 3 s: under a swaying drone a warning would toggle
 _CONTACT_PERIOD_NS = 2_000_000
 _CONTACT_ENDS = 0.1  # [s] for which the end of a contact is published
 _POINTS_MAX = 2000
@@ -55,6 +57,8 @@ class WorldTopics:
         Frame of the odometry; empty before the first message.
     margin
         The last computed remaining reach of the arm, None while world control is not active.
+    recent
+        The reaches computed within the last 3 s.
     """
 
     def __init__(
@@ -68,6 +72,7 @@ class WorldTopics:
         self._reach = ArmReach(Kinematics(arm.robot, values.frame), arm.limits)
         self.frame = ''
         self.margin: ReachMargin | None = None
+        self.recent: deque[ReachMargin] = deque(maxlen=_RECENT)
         self._seen: tuple[Array, BasePose, Array, float] | None = None
         self._posed_ns = 0
         self._poses = controller.advertise(topics.TOOL_POSE)
@@ -240,9 +245,11 @@ class WorldTopics:
         seen = self._seen
         if seen is None:
             self.margin = None
+            self.recent.clear()
             return
         q, pose, goal, now = seen
         self.margin = margin = self._reach.margin(q, pose, goal)
+        self.recent.append(margin)
         data = [*margin.along.tolist(), margin.time]
         self._reaches.publish(Float64MultiArray(layout=self._layout, data=data))
         if self._request is not None:

@@ -136,3 +136,15 @@ def test_the_same_numbers_for_a_tenth_of_a_second_are_frozen(
     reasons = flight.run(0.2, again)
     assert '' in reasons[:20] and said in reasons[-1]
     assert flight.run(0.1)[-1] == ''
+
+
+def test_an_imu_without_noise_on_a_standing_drone_is_not_frozen() -> None:
+    """An emulated drone stands on its support until the arm is enabled."""
+    flight = TurningImu()
+
+    def standing(force: np.ndarray) -> ImuSample:
+        flight.now += PERIOD
+        return ImuSample(flight.now, None, np.zeros(3), force)
+
+    assert set(flight.run(0.5, lambda: standing(UP))) == {''}
+    assert flight.run(0.5, lambda: standing(np.zeros(3)))[-1]
