@@ -123,7 +123,7 @@ class HoldingBench:
         stack.callback(self._reader.destroy)
         self._codec = JointStateCdr(load_arm_config().joint_names)
         self._said: dict[str, tuple[bytes, str]] = {}
-        told = {'lead': 0.06, 'rate': 1.0, 'measured_motion': False, **arm.law}
+        told = {'lead': 0.06, 'rate': 1.0, 'measured_motion': False, **arm.law, **case.carried}
         self._start(stack, 'base_reaction', told)
         pilot = {'drone_file': file, 'arm_wait': 5.0, **case.pilot, **arm.drawing}
         self._start(stack, 'flight_control', pilot)
@@ -132,6 +132,7 @@ class HoldingBench:
             'base_motion': 'attitude' if case.law == ORDINARY else 'free',
             'imu_latency': 4e-3,
             **arm.law,
+            **case.carried,
         }
         if case.law == HELD:
             self.law = self._start(stack, 'computed_torque', law)

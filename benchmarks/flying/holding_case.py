@@ -9,8 +9,10 @@ from flying.flight_way import load_drone
 from flying.scaled_drone import scaled_drone
 
 from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.model.inertia import parameters_of_body
 
 POSTURE = 0.0, 1.3, 0.0, 1.5
+TOOL = 0.1, 0.0, 0.0  # [m] in the last joint's frame
 WIND, WIND_CUTOFF = 1.5, 0.5  # [N] RMS of the total force, [Hz]
 GENERALISED, ORDINARY, HELD = 'generalised Jacobian', 'ordinary Jacobian', 'joints held'
 _RATE, _DELAY = 'external_odometry_rate', 'external_odometry_delay'
@@ -33,7 +35,7 @@ SENSORS: Mapping[str, object] = MappingProxyType(
 _INTEGRAL = {'position_integral': 0.1, 'attitude_integral': 0.1}
 # With an arm that holds its tool, a drone rotates more easily than with held joints, especially a
 # light drone. Its attitude loop therefore has lower gains, see docs/how-to/world.md.
-_PILOTS = {'heavy': (3.5, 8.0), 'light': (2.5, 5.0), 'full': (8.67, 9.0)}
+_PILOTS = {'heavy': (3.0, 6.0), 'light': (2.5, 5.0), 'full': (8.67, 9.0)}
 _LIGHT = 2.5  # [kg]
 
 
@@ -57,6 +59,8 @@ class HoldingCase:
         Relative error of every link in the model.
     path : bool
         Whether the tool follows a path of 20 cm at 0.25 Hz.
+    payload : float
+        Mass of a known payload at the tool [kg].
     """
 
     goal: float = float('inf')
@@ -66,6 +70,7 @@ class HoldingCase:
     odometry: Mapping[str, object] = field(default_factory=lambda: GOOD)
     wrong: float = 0.0
     path: bool = False
+    payload: float = 0.0
 
     @property
     def flown(self) -> DroneConfig:
@@ -96,13 +101,23 @@ class HoldingCase:
             **wind,
             **SENSORS,
             **self.odometry,
+            'payload': [self.payload, *TOOL] if self.payload else [],
         }
+
+    @property
+    def carried(self) -> dict[str, object]:
+        """Parameters of a node that knows the payload."""
+        if not self.payload:
+            return {}
+        body = parameters_of_body(self.payload, TOOL, np.zeros((3, 3)))
+        return {'payload.inertial_parameters': body.tolist()}
 
 
 CASES = {
     'tool at rest': HoldingCase(2.5),
     'tool on a path': HoldingCase(3.0, path=True),
     'poor odometry': HoldingCase(5.0, odometry=POOR),
+    'payload of 0.2 kg': HoldingCase(2.5, payload=0.2),
     'drone of 2 kg': HoldingCase(4.0, mass=2.0),
     'drone of 1.5 kg': HoldingCase(4.0, mass=1.5),
     'fully actuated': HoldingCase(1.5, drone='tilted_hexarotor'),
