@@ -20,12 +20,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-import rclpy
-from flight import open_ros
 from flying.ardupilot_program import ArduPilotProgram, find_ardupilot
 from flying.arm_swing import ArmSwing
 from flying.firmware_program import FirmwareProgram
 from flying.flight_way import load_drone
+from flying.node_bench import ros_node
 from flying.px4_program import HOW, Px4Program, find_px4
 from flying.rigid_flight import RigidFlight
 from geometry_msgs.msg import InertiaStamped, PoseStamped, WrenchStamped
@@ -243,16 +242,14 @@ def main() -> int:
     parser.add_argument('--seconds', type=float, default=20.0, help='duration of the motion [s]')
     parser.add_argument('--silence', type=float, default=0.0, help='time without set points [s]')
     options = parser.parse_args()
-    node = open_ros(os.getpid())
     print('feed-forward   RMS mm   max mm  heading  behind ms')
     try:
-        for is_told in (False, True):
-            print(fly(node, options, is_told), flush=True)
+        with ros_node() as node:
+            for is_told in (False, True):
+                print(fly(node, options, is_told), flush=True)
     except ValueError as error:
         print(error)
         return 1
-    finally:
-        rclpy.try_shutdown()
     return 0
 
 

@@ -10,23 +10,21 @@ the wall. `make world` writes a page with a replay.
 """
 
 import argparse
-import os
 import sys
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from flying.arm_model import ArmModel
 from flying.holding_bench import HoldingBench, HoldingRecord
 from flying.holding_case import CASES
-from flying.holding_page import write_page
+from flying.holding_page import holding_page
+from flying.node_bench import FAILURES, reason, ros_node
+from flying.pages import write_page
 from flying.pushing_bench import PushingBench, PushingRecord
 from flying.pushing_case import PUSHES
 from rclpy.node import Node
-
-from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 LINE = '{:20} {:>8} {:>6} {:>9} {:>6} {:>6}  {}'
 PUSH_LINE = '{:24} {:>8} {:>7} {:>10} {:>8} {:>6}  {}'
@@ -42,8 +40,8 @@ def fly(node: Node, name: str, arm: ArmModel, seconds: float) -> HoldingRecord |
             if case.wrong:
                 arm = arm.with_errors(case.wrong, 1, Path(folder))
             return HoldingBench(stack, node, Path(folder), case, arm).fly(seconds)
-    except (ValueError, TimeoutError, ArmClientError) as error:
-        return ' '.join(str(error).split())[:160]
+    except FAILURES as error:
+        return reason(error)
 
 
 def push(node: Node, name: str, arm: ArmModel, seconds: float) -> PushingRecord | str:
@@ -51,8 +49,8 @@ def push(node: Node, name: str, arm: ArmModel, seconds: float) -> PushingRecord 
     try:
         with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
             return PushingBench(stack, node, Path(folder), PUSHES[name], arm).push(seconds)
-    except (ValueError, TimeoutError, ArmClientError) as error:
-        return ' '.join(str(error).split())[:160]
+    except FAILURES as error:
+        return reason(error)
 
 
 def push_line(name: str, record: PushingRecord | str) -> str:
@@ -77,32 +75,27 @@ def line(name: str, record: HoldingRecord | str) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--cases', nargs='*', default=[*CASES, *PUSHES], choices=[*CASES, *PUSHES])
-    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
+    ArmModel.add_options(parser)
     parser.add_argument('--seconds', type=float, default=12.0, help='duration of each flight [s]')
     parser.add_argument('--out', type=Path, help='folder for the page')
     options = parser.parse_args()
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    rclpy.init(args=[])
-    node = rclpy.create_node('world')
     records: dict[str, HoldingRecord | str] = {}
     pushes: dict[str, PushingRecord | str] = {}
     print(LINE.format(*HEADINGS), flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        arm = ArmModel.true()
-        if options.model == 'identified':
-            arm = ArmModel.identified(node, Path(folder), options.arm_seed)
-        for name in filter(CASES.__contains__, options.cases):
-            records[name] = fly(node, name, arm, options.seconds)
-            print(line(name, records[name]), flush=True)
-        print(PUSH_LINE.format(*PUSH_HEADINGS), flush=True)
-        for name in filter(PUSHES.__contains__, options.cases):
-            pushes[name] = push(node, name, arm, options.seconds)
-            print(push_line(name, pushes[name]), flush=True)
-    rclpy.shutdown()
+        arm = ArmModel.chosen(options, Path(folder))
+        with ros_node() as node:
+            for name in filter(CASES.__contains__, options.cases):
+                records[name] = fly(node, name, arm, options.seconds)
+                print(line(name, records[name]), flush=True)
+            print(PUSH_LINE.format(*PUSH_HEADINGS), flush=True)
+            for name in filter(PUSHES.__contains__, options.cases):
+                pushes[name] = push(node, name, arm, options.seconds)
+                print(push_line(name, pushes[name]), flush=True)
     if options.out:
-        write_page(options.out / 'world.html', records, pushes, f'The arm model is {arm.name}.')
+        body = holding_page(records, pushes, f'The arm model is {arm.name}.')
+        title = 'The tool keeps its position while its drone moves'
+        write_page(options.out / 'world.html', title, body)
     return 0
 
 

@@ -161,9 +161,8 @@ class ArmAnimation:
             scene=scene(),
             height=680,
             margin={'l': 0, 'r': 20, 't': 20, 'b': 130},
-            updatemenus=[_buttons()],
-            sliders=[_slider([frame.name for frame in figure.frames])],
-        )  # fmt: skip
+            **playback([frame.name for frame in figure.frames], 120),
+        )
         return figure
 
     def _farthest_frame(self) -> int:
@@ -222,26 +221,19 @@ def scene() -> dict[str, object]:
     return {'aspectmode': 'data', 'camera': camera, **axes}
 
 
-def _buttons() -> dict[str, object]:
-    play = {'frame': {'duration': 120, 'redraw': True}, 'fromcurrent': True}
+def playback(names: list[str], milliseconds: int) -> dict[str, object]:
+    """Return the layout with buttons and slider of an animation, by the names of its frames."""
+    play = {'frame': {'duration': milliseconds, 'redraw': True}, 'fromcurrent': True}
     pause = {'frame': {'duration': 0, 'redraw': False}, 'mode': 'immediate'}
-    return {
-        'type': 'buttons',
-        'direction': 'left',
-        'x': 0.13,
-        'y': -0.02,
-        'yanchor': 'top',
-        'buttons': [
-            {'label': 'Play', 'method': 'animate', 'args': [None, play]},
-            {'label': 'Pause', 'method': 'animate', 'args': [[None], pause]},
-        ],
-    }
-
-
-def _slider(names: list[str]) -> dict[str, object]:
     jump = {'frame': {'duration': 0, 'redraw': True}, 'mode': 'immediate'}
+    buttons = [
+        {'label': 'Play', 'method': 'animate', 'args': [None, play]},
+        {'label': 'Pause', 'method': 'animate', 'args': [[None], pause]},
+    ]
     steps = [{'label': name, 'method': 'animate', 'args': [[name], jump]} for name in names]
-    return {'currentvalue': {'prefix': 't [s] = '}, 'steps': steps, 'x': 0.15, 'len': 0.85}
+    place = {'type': 'buttons', 'direction': 'left', 'x': 0.13, 'y': -0.02, 'yanchor': 'top'}
+    slider = {'currentvalue': {'prefix': 't [s] = '}, 'steps': steps, 'x': 0.15, 'len': 0.85}
+    return {'updatemenus': [{**place, 'buttons': buttons}], 'sliders': [slider]}
 
 
 _STEP = 0.02

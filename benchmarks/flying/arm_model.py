@@ -1,11 +1,13 @@
 """Arm model for a controller: true parameters, or parameters identified from a bag."""
 
+import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path
 from subprocess import TimeoutExpired
 
 import numpy as np
 import yaml
+from flying.node_bench import ros_node
 from rclpy.node import Node
 
 from aerarm_ros.description.arm_config import load_arm_config
@@ -46,6 +48,20 @@ class ArmModel:
         """Return a nominal arm with its exact model."""
         nominal = PlantParameters.nominal(load_arm_config(), load_robot())
         return cls('true', AS_DRAWN, {'load_friction': nominal.load_friction.tolist()})
+
+    @staticmethod
+    def add_options(parser: argparse.ArgumentParser, default: str = 'identified') -> None:
+        """Add the options that choose the model."""
+        parser.add_argument('--model', choices=('identified', 'true'), default=default)
+        parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
+
+    @classmethod
+    def chosen(cls, options: argparse.Namespace, folder: Path) -> 'ArmModel':
+        """Return the model that the options choose."""
+        if options.model == 'true':
+            return cls.true()
+        with ros_node() as node:
+            return cls.identified(node, folder, options.arm_seed)
 
     @classmethod
     def identified(cls, node: Node, folder: Path, seed: int) -> 'ArmModel':

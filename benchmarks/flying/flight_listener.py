@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 from flying.flight_record import FlightRecord
+from flying.node_bench import PATIENCE
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -12,9 +13,6 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
-
-PATIENCE = 300.0  # [s] of the host, which may be busy
-
 
 _STILL = 3e-4  # [m]
 _NEAR = 1e-3  # [m] a sagged drone is also still at its turning point

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray
 from flying.arm_model import ArmModel
-from flying.flight_listener import PATIENCE
 from flying.holding_case import HELD, ORDINARY, POSTURE, HoldingCase
+from flying.node_bench import PATIENCE, NodeBench
 from flying.scaled_drone import write_drone
 from geometry_msgs.msg import PoseStamped, Transform
 from nav_msgs.msg import Odometry
@@ -26,7 +25,6 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.executors import spin_until
-from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 
 SETTLING = 2.0  # [s] after the target, before the evaluation
@@ -72,7 +70,7 @@ class HoldingRecord:
         return rms[0], float(tool.max()), rms[1], float(drone.max())
 
 
-class HoldingBench:
+class HoldingBench(NodeBench):
     """Processes of one case in flight, with the tool held in the world.
 
     Raises
@@ -86,19 +84,18 @@ class HoldingBench:
     def __init__(
         self, stack: ExitStack, node: Node, folder: Path, case: HoldingCase, arm: ArmModel
     ) -> None:
-        self.node, self.case, self._folder = node, case, folder
-        drone = case.flown
+        super().__init__(stack, node, folder)
+        self.case, drone = case, case.flown
         file = write_drone(drone, folder / 'drone.yaml')
         self._mount = drone.mount
         self._kinematics = Kinematics(load_robot(gravity_in_base=drone.gravity_in_base))
         self._reader = RawReader(node, *self.recorded)
         stack.callback(self._reader.destroy)
         self._codec = JointStateCdr(load_arm_config().joint_names)
-        self._said: dict[str, tuple[bytes, str]] = {}
         told = {'lead': 0.06, 'rate': 1.0, 'measured_motion': False, **arm.law}
-        self._start(stack, 'base_reaction', told)
+        self.start('base_reaction', told)
         pilot = {'drone_file': file, 'arm_wait': 5.0, **case.pilot, **arm.drawing}
-        self._start(stack, 'flight_control', pilot)
+        self.start('flight_control', pilot)
         law = {
             'drone_file': file,
             'base_motion': 'attitude' if case.law == ORDINARY else 'free',
@@ -106,32 +103,23 @@ class HoldingBench:
             **arm.law,
         }
         if case.law == HELD:
-            self.law = self._start(stack, 'computed_torque', law)
+            self.start('computed_torque', law)
         else:
             law.update(posture=list(POSTURE), mass_ratio_min=0.0)
             odometry = ('--ros-args', '-r', 'odometry:=external_odometry', '--')
-            self.law = self._start(stack, 'world_control', law, odometry)
+            self.start('world_control', law, odometry)
         world = {'seed': arm.seed, 'drone_file': file, **case.world}
-        self._start(stack, 'fake_hardware', world)
-        self._targets = self._publisher(topics.TOOL_TRAJECTORY)
-        self._motions = self._publisher(topics.TOOL_MOTION)
-        self._pushes = self._publisher(topics.TOOL_FORCE)
-        topic = topics.DIAGNOSTICS
-        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
+        self.start('fake_hardware', world)
+        inputs = topics.TOOL_TRAJECTORY, topics.TOOL_MOTION, topics.TOOL_FORCE
+        self._targets, self._motions, self._pushes = map(self.publisher_of, inputs)
         client = ArmClient(node, ['fake_hardware'], ['enable'])
         client.wait_for_mode(['idle'], PATIENCE)
-        self._wait('flight_control', lambda: bool(node.count_publishers('rotor_command')))
+        self.wait('flight_control', lambda: node.count_publishers('rotor_command'))
         if case.law != HELD:
-            inputs = self._targets, self._motions, self._pushes
-            self._wait(
-                'world_control', lambda: all(each.get_subscription_count() for each in inputs)
-            )
+            names = [topic.name for topic in inputs]
+            self.wait('world_control', lambda: all(map(node.count_subscribers, names)))
         client.call('enable')
-        self._wait('the drone', lambda: self.said('drone') == 'flying')
-
-    def said(self, name: str) -> str:
-        """Return the newest diagnostics of a node as text; '' if there are none."""
-        return self._said.get(name, (b'', ''))[1]
+        self.wait('the drone', lambda: self.said('drone') == 'flying')
 
     def fly(self, seconds: float) -> HoldingRecord:
         """Return the record of the tool after its target, which is its position at that time."""
@@ -207,24 +195,6 @@ class HoldingBench:
             point.time_from_start = Duration(sec=seconds_of_it, nanosec=rest)
             message.points.append(point)
         return message
-
-    def _publisher(self, topic: object) -> object:
-        return self.node.create_publisher(topic.type, topic.name, topic.qos)
-
-    def _start(
-        self, stack: ExitStack, name: str, values: dict, arguments: tuple[str, ...] = ()
-    ) -> NodeProcess:
-        log = self._folder / f'{name}.log'
-        return stack.enter_context(NodeProcess(name, arguments, values, log=log))
-
-    def _wait(self, what: str, is_there: object) -> None:
-        if not spin_until(self.node, is_there, PATIENCE):
-            raise TimeoutError(f'{what} is not ready after {PATIENCE:g} s')
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            name = status.name.rpartition(': ')[2] if ': ' in status.name else status.name
-            self._said[name] = (status.level, status.message)
 
 
 def path_length(seconds: float) -> float:

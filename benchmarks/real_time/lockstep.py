@@ -6,14 +6,13 @@ process, from start to end.
 """
 
 import argparse
-import os
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from rclpy.node import Node
+from timing.node_run import ros_node
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
@@ -70,16 +69,10 @@ def main() -> None:
     )
     parser.add_argument('--priority', type=int, default=80, help='SCHED_FIFO priority; 0 for none')
     options = parser.parse_args()
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    rclpy.init(args=[])
-    node = rclpy.create_node('bench')
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, ros_node() as node:
         runs = [
             play(Path(folder) / str(run), node, options.priority) for run in range(options.runs)
         ]
-    node.destroy_node()
-    rclpy.shutdown()
     first = runs[0][1]
     stamps = sorted(first[topics.JOINT_COMMAND.name])
     print(f'motion of {stamps[-1] - stamps[0]:.1f} s, {len(stamps)} commands')
