@@ -15,7 +15,6 @@ import argparse
 import os
 import sys
 import time
-from importlib.metadata import files
 from pathlib import Path
 
 from aerarm_ros.realtime.scheduling import use_one_thread
@@ -28,7 +27,6 @@ from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
 from aerarm_ros.excitation.parallel_design import design_all
-from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
 from aerarm_ros.excitation.settings import ExcitationConfig, load_excitation_config
 from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 from aerarm_ros.excitation.trajectory_designer import (
@@ -37,16 +35,14 @@ from aerarm_ros.excitation.trajectory_designer import (
     Quality,
     TrajectoryDesigner,
 )
-from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
-from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.parallel import run_in_order
 
 sys.path.append(str(Path(__file__).parents[2] / 'test' / 'excitation'))
-
+sys.path.append(str(Path(__file__).parents[1]))
+from goal_runs.identified_files import excited
+from identification_peers import measured_robot
 from mujoco_arm import MujocoArm
 
 RANDOM = 21
@@ -60,8 +56,6 @@ TIME_LIMIT = 55.0  # [s], the default of excitation_designer
 LARGEST_CONDITION = 25.0
 LONGEST_DESIGN = 60.0  # [s] on two cores
 SMALLEST_GAIN = 2.0
-CYCLE = 1e-3
-QUICK_ALIGNMENT = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
 
 
 def judged(met: bool) -> str:
@@ -100,52 +94,6 @@ def design(setup: ExcitationSetup) -> tuple[DesignResult, list[DesignResult]]:
     return best, random
 
 
-class EmulatedRun:
-    """Emulated boards that play trajectories faster than real time.
-
-    Parameters
-    ----------
-    setup, arm, robot : setup, configuration and model of the arm.
-    """
-
-    def __init__(self, setup: ExcitationSetup, arm: ArmConfig, robot: Robot) -> None:
-        self._setup, self._robot = setup, robot
-        self._arm = arm.with_encoders('absolute')
-
-    def play(self, name: str, trajectory: FourierTrajectory) -> Recording:
-        """Return the joint_states of two periods with run-in and run-out."""
-        boards = make_emulated_transport(self._arm, self._robot, 7, alignment=QUICK_ALIGNMENT)
-        bridge = BridgeCycle(self._arm, boards)
-        now = self._bring_up(bridge)
-        plan = self._setup.planner.plan(trajectory, 2, bridge.q.copy(), go_back=False)
-        names = self._arm.joint_names
-        player = ExcitationPlayer(plan, VelocityLaw(1.0), self._setup.stops)
-        rows = []
-        while not player.done:
-            command = player.update(round(now * 1e9), bridge.q)
-            bridge.command(OfferedCommand(names, None, command.dq, None, CYCLE, 'benchmark'), now)
-            now += CYCLE
-            bridge.update(now)
-            rows.append(np.concatenate([[now], bridge.q, bridge.dq, bridge.tau]))
-        assert player.fault is None, player.fault
-        data = np.array(rows)
-        stamps, q, dq, tau = np.split(data, [1, 5, 9], axis=1)
-        time_ = stamps[:, 0] - stamps[0, 0]
-        return Recording(name, tuple(names), time_, q, dq, tau, np.zeros(4, dtype=bool))
-
-    def _bring_up(self, bridge: BridgeCycle) -> float:
-        """Connect, enable and align the boards; return the time reached [s]."""
-        now = 100.0
-        for cycle in range(2500):
-            if cycle == 30:
-                answer = bridge.enable()
-                assert answer.accepted, answer.message
-            now += CYCLE
-            bridge.update(now)
-        assert bridge.mode == 'ready', (bridge.mode, bridge.faults)
-        return now
-
-
 def chosen_friction(arm: ArmConfig, robot: Robot, recording: Recording) -> str:
     """Return which of the two friction models the identifier chooses automatically."""
     result = identify(robot, arm, [recording], [], IdentificationOptions(), Stopwatch())
@@ -167,13 +115,16 @@ def compare_identified(
     setup: ExcitationSetup, arm: ArmConfig, robot: Robot, best: DesignResult, random: list
 ) -> None:
     """Identify from the emulated arm after designed and after random trajectories."""
-    run = EmulatedRun(setup, arm, robot)
-    designed = run.play('designed', best.trajectory)
+
+    def play(name: str, trajectory: FourierTrajectory) -> Recording:
+        return excited(name, setup, arm, trajectory, 7, periods=2)
+
+    designed = play('designed', best.trajectory)
     # Random trajectories of median predicted quality.
     ranked = sorted(random, key=lambda result: result.quality.log_deviation)
     middle = len(ranked) // 2 - IDENTIFIED_RANDOM // 2
     others = [
-        run.play(f'random{i}', result.trajectory)
+        play(f'random{i}', result.trajectory)
         for i, result in enumerate(ranked[middle : middle + IDENTIFIED_RANDOM])
     ]
     # The emulated gears' friction depends on load. A model without it has a residual that grows
@@ -266,13 +217,8 @@ def random_quality(specification: DesignSpecification, seed: int) -> Quality:
 def design_other_arms() -> None:
     """Design for other arms by default settings; compare with the best of many random ones."""
     for name, locked in OTHER_ARMS.items():
-        (urdf,) = (
-            str(file.locate())
-            for file in files('example-robot-data') or ()
-            if file.name == name and file.parent.name == 'urdf'
-        )
         began = time.monotonic()
-        robot = load_robot(urdf, locked=locked)
+        robot = measured_robot(name, locked)
         setup = ExcitationSetup.of_robot(robot, ExcitationConfig())
         specification = DesignSpecification(setup)
         outcomes = design_all(
