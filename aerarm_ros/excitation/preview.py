@@ -57,31 +57,25 @@ def _points(geometry: Any) -> Array | None:
         return np.asarray(corners * np.asarray(geometry.halfSide))
     if hasattr(geometry, 'points'):
         return _outermost(np.asarray(geometry.points()))
+    if not hasattr(geometry, 'radius'):
+        return None
     angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    if hasattr(geometry, 'halfLength'):
-        rounded = geometry.getNodeType() == pin.hppfcl.NODE_TYPE.GEOM_CAPSULE
-        rings = _ball_rings() if rounded else [(1.0, 0.0)]
-        half = geometry.halfLength
-        parts: list[Array] = [
+    half = getattr(geometry, 'halfLength', 0.0)
+    rounded = geometry.getNodeType() == pin.hppfcl.NODE_TYPE.GEOM_CAPSULE or not half
+    latitudes = np.linspace(0.0, 0.5 * np.pi, 4) if rounded else [0.0]
+    return np.concatenate(
+        [
             np.column_stack(
                 [
-                    geometry.radius * ring * circle,
-                    np.full(len(circle), side * (half + geometry.radius * height)),
+                    geometry.radius * max(float(np.cos(latitude)), 1e-3) * circle,
+                    np.full(len(circle), side * (half + geometry.radius * np.sin(latitude))),
                 ]
             )
             for side in (-1.0, 1.0)
-            for ring, height in rings
+            for latitude in latitudes
         ]
-        return np.concatenate(parts)
-    if hasattr(geometry, 'radius'):
-        parts = [
-            np.column_stack([ring * circle, np.full(len(circle), side * height)])
-            for side in (-1.0, 1.0)
-            for ring, height in _ball_rings()
-        ]
-        return np.asarray(geometry.radius * np.concatenate(parts))
-    return None
+    )
 
 
 def _outermost(points: Array) -> Array:
@@ -97,12 +91,6 @@ def _outermost(points: Array) -> Array:
     ring = np.sqrt(1.0 - height**2)
     directions = np.stack([ring * np.cos(angle), ring * np.sin(angle), height])
     return np.asarray(points[np.unique((points @ directions).argmax(axis=0))])
-
-
-def _ball_rings() -> list[tuple[float, float]]:
-    """Return the radii and heights of circles on the upper half of the unit sphere."""
-    latitudes = np.linspace(0.0, 0.5 * np.pi, 4)
-    return [(max(float(np.cos(a)), 1e-3), float(np.sin(a))) for a in latitudes]
 
 
 _COLOURS = ('#444b54', '#d9722e', '#8a8f98', '#d9a62e', '#5b8fb9', '#7fb069', '#b5838d', '#6d597a')

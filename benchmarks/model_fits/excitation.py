@@ -28,7 +28,7 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
 from aerarm_ros.excitation.parallel_design import design_all
 from aerarm_ros.excitation.settings import ExcitationConfig, load_excitation_config
-from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.excitation.trajectory_designer import (
     DesignResult,
     DesignSpecification,
@@ -43,7 +43,7 @@ sys.path.append(str(Path(__file__).parents[2] / 'test' / 'excitation'))
 sys.path.append(str(Path(__file__).parents[1]))
 from goal_runs.identified_files import excited
 from identification_peers import measured_robot
-from mujoco_arm import MujocoArm
+from mujoco_arm import MujocoArm, is_safe, with_landing_gear
 
 RANDOM = 21
 IDENTIFIED_RANDOM = 5
@@ -149,17 +149,6 @@ def compare_identified(
         )
 
 
-def with_landing_gear(robot: Robot) -> Robot:
-    """Return the arm on a base surrounded by four legs."""
-    legs = ''.join(
-        f'<collision name="leg{i}"><origin xyz="{x} {y} 0.1"/>'
-        '<geometry><box size="0.03 0.03 0.5"/></geometry></collision>'
-        for i, (x, y) in enumerate([(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)])
-    )
-    base = '<link name="base_link">'
-    return load_robot(robot.urdf_text.replace(base, base + legs))
-
-
 def check_independently(arm: ArmConfig, robot: Robot, setup: ExcitationSetup) -> int:
     """Check random trajectories twice; return the number of unsafe ones that are accepted."""
     legged = with_landing_gear(robot)
@@ -175,7 +164,7 @@ def check_independently(arm: ArmConfig, robot: Robot, setup: ExcitationSetup) ->
         accepted = setup.checker.check_trajectory(
             trajectory, config.ramp_time, stop_early=True
         ).feasible
-        safe = is_safe(trajectory, setup, other)
+        safe = is_safe(setup, other, trajectory, 5e-3)
         counts['accepted, safe'] += accepted and safe
         counts['accepted, UNSAFE'] += accepted and not safe
         counts['rejected'] += not accepted and not safe
@@ -183,30 +172,6 @@ def check_independently(arm: ArmConfig, robot: Robot, setup: ExcitationSetup) ->
     text = ', '.join(f'{count} {name}' for name, count in counts.items())
     print(f'{CHECKED} random trajectories in {time.monotonic() - began:.0f} s: {text}')
     return counts['accepted, UNSAFE']
-
-
-def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: MujocoArm) -> bool:
-    """Return whether all limits are satisfied in MuJoCo on a grid of 5 ms."""
-    config, limits = setup.config, setup.usable_limits
-    motion = RampedExcitation(trajectory, 1, config.ramp_time)
-    states = motion.evaluate(np.arange(0.0, motion.duration, 5e-3))
-    if (
-        (states.q < limits.position_min).any()
-        or (states.q > limits.position_max).any()
-        or (np.abs(states.dq) > limits.velocity).any()
-        or (np.abs(states.ddq) > limits.acceleration).any()
-    ):
-        return False
-    for q, dq, ddq in zip(*states, strict=True):
-        itself, ground = other.distances(q)
-        if itself < config.self_clearance - 1e-5 or ground < config.ground_clearance - 1e-5:
-            return False
-        effort = np.abs(other.effort(q, dq, ddq))
-        if (effort > limits.effort).any():
-            return False
-        if (effort > limits.current * setup.torque_per_ampere).any():
-            return False
-    return True
 
 
 def random_quality(specification: DesignSpecification, seed: int) -> Quality:
