@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.calibration.fit import Fit
+from aerarm_ros.calibration.fit import Fit, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import (
     CalibrationError,
@@ -281,8 +281,6 @@ def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
 
 def _turning_back(fit: Fit, typical: float) -> str:
     """Return the joint whose reversed sign would explain most of the misfit; '' if none would."""
-    from aerarm_ros.calibration.fit import registered
-
     observations = fit.observations
     for i, joint in enumerate(fit.geometry.joint_names):
         q = observations.q.copy()
