@@ -75,10 +75,8 @@ class Fit:
             by_errors, by_unknowns = source.jacobians(poses, state)
             jacobian = np.zeros((*by_errors.shape[:2], len(self.names)))
             end = begin + by_unknowns.shape[2]
-            jacobian[:, :, : len(free)], jacobian[:, :, begin:end] = (
-                by_errors[:, :, free],
-                by_unknowns,
-            )
+            jacobian[:, :, : len(free)] = by_errors[:, :, free]
+            jacobian[:, :, begin:end] = by_unknowns
             begin = end
             found.append(jacobian)
         return found

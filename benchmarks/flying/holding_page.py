@@ -49,36 +49,27 @@ def holding_page(
 
 
 def _row(name: str, record: HoldingRecord | str) -> tuple[object, ...]:
-    goal = CASES[name].goal
+    goal = (PUSHES.get(name) or CASES[name]).goal
     asked = goal if np.isfinite(goal) else None
     if isinstance(record, str):
         return name, *[None] * 4, asked, record
-    return name, *record.figures(), asked, record.diagnostics
+    figures = [None if np.isnan(value) else round(value, 2) for value in record.figures()]
+    return name, *figures, asked, record.diagnostics
 
 
 def _pushes(pushes: Mapping[str, PushingRecord | str]) -> list[Html]:
     """Return the sections about the force on a wall."""
     flown = {name: x for name, x in pushes.items() if isinstance(x, PushingRecord)}
-    flights = {name: record.flight for name, record in flown.items()}
     forces = {name: record.forces for name, record in flown.items()}
-    shown = {name: _flight(flights[name]) for name in (_REPLAYED_PUSH,) if name in flown}
-    rows = [_push_row(*item) for item in pushes.items()]
+    shown = {name: _flight(flown[name]) for name in (_REPLAYED_PUSH,) if name in flown}
+    rows = [_row(*item) for item in pushes.items()]
     parts = [section('Force on a wall', table(PUSH_COLUMNS, rows, []))]
     if flown:
-        parts.append(section('Force over time', time_plot('force', flights, forces, 'force [N]')))
+        parts.append(section('Force over time', time_plot('force', flown, forces, 'force [N]')))
     for name in shown:
         drawn = plotly_figure(replay(shown, PUSHES[name].flown, larger=1.0))
         parts.append(section(f'Replay: {name}', drawn))
     return parts
-
-
-def _push_row(name: str, record: PushingRecord | str) -> tuple[object, ...]:
-    goal = PUSHES[name].goal
-    asked = goal if np.isfinite(goal) else None
-    if isinstance(record, str):
-        return name, *[None] * 4, asked, record
-    figures = [None if np.isnan(value) else round(value, 2) for value in record.figures()]
-    return name, *figures, asked, record.flight.diagnostics
 
 
 def _flight(record: HoldingRecord) -> FlightRecord:

@@ -16,20 +16,19 @@ _IMPACT = 0.5  # [s] after the first touch
 _YIELD = 2.0  # [s] after the wall yields
 
 
-@dataclass(frozen=True, eq=False)
-class PushingRecord:
-    """Recorded data of a flight with a wall.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PushingRecord(HoldingRecord):
+    """Recorded data of a flight with a wall since the force was sent.
+
+    The targets are those across the force.
 
     Attributes
     ----------
-    flight : HoldingRecord
-        Motion since the force was sent; the targets are those across the force.
     forces : (K,) ndarray
         Force on the wall along its normal [N].
     case : PushingCase
     """
 
-    flight: HoldingRecord
     forces: np.ndarray
     case: PushingCase
 
@@ -39,19 +38,19 @@ class PushingRecord:
         The RMS values exclude approach and rise. A value that does not apply is NaN. The peak is
         the largest force within 0.5 s after the first touch.
         """
-        flight, case, forces = self.flight, self.case, self.forces
+        case, forces = self.case, self.forces
         touches = np.flatnonzero(forces > 0.0)
         if not len(touches):
             return np.nan, np.nan, np.nan, np.nan
-        touched = flight.times[touches[0]]
-        peak = float(forces[(flight.times < touched + _IMPACT)].max())
+        touched = self.times[touches[0]]
+        peak = float(forces[(self.times < touched + _IMPACT)].max())
         if case.yields_after:
-            rows = flight.times >= touched + case.yields_after
-            along = flight.tools[rows, 0]
+            rows = self.times >= touched + case.yields_after
+            along = self.tools[rows, 0]
             return np.nan, peak, np.nan, 1e3 * float((along - along[0]).max())
-        rows = flight.times > _APPROACH
+        rows = self.times > _APPROACH
         error = forces[rows] - case.force
-        across = np.linalg.norm((flight.tools - flight.targets)[rows, 1:], axis=1)
+        across = np.linalg.norm((self.tools - self.targets)[rows, 1:], axis=1)
         rms = float(np.sqrt((error**2).mean()))
         return rms, peak, 1e3 * float(np.sqrt((across**2).mean())), np.nan
 
@@ -85,7 +84,7 @@ class PushingBench(HoldingBench):
         flight = self._record(rows, begin, start)
         if case.path and len(slid):
             flight.targets[-len(slid) :] += swing(slid, path_length(seconds))
-        return PushingRecord(flight, np.array(self._forces), case)
+        return PushingRecord(**vars(flight), forces=np.array(self._forces), case=case)
 
     def _row(self, message: Odometry, q: np.ndarray) -> tuple[float, ...]:
         raw = self._reader.take_newest(2)

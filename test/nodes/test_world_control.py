@@ -31,7 +31,7 @@ def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
         assert error < 0.5, 'RMS force error [N]'
         assert peak < 8.0, 'the impact must not exceed the set force by much [N]'
         assert across < 2.5, 'RMS tool error across the force [mm]'
-        assert record.flight.diagnostics == 'in order'
+        assert record.diagnostics == 'in order'
 
         def reported(force: list[float], frame: str, reason: str) -> bool:
             message = WrenchStamped()

@@ -4,10 +4,10 @@ import os
 import sys
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass, fields
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 from timing.arrivals import Arrivals
@@ -30,8 +30,7 @@ WARM_UP = 2.0  # [s]
 _RUNS = count()
 
 
-@dataclass(frozen=True)
-class NodeFigures:
+class NodeFigures(NamedTuple):
     """Figures of a run of two nodes; times [us], fractions [%].
 
     Attributes
@@ -63,8 +62,7 @@ class NodeFigures:
 
 def median(runs: list[NodeFigures]) -> NodeFigures:
     """Return the median of each figure."""
-    names = [field.name for field in fields(NodeFigures)]
-    return NodeFigures(*(float(np.median([getattr(run, name) for run in runs])) for name in names))
+    return NodeFigures(*np.median(runs, axis=0).tolist())
 
 
 def why_not(bridge: str) -> str:
