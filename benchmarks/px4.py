@@ -153,12 +153,10 @@ def options_of(parser: argparse.ArgumentParser) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options_of(parser)
-    build = find_px4()
+    options, build = flight_options(parser), find_px4()
     if build is None:
-        flight_options(parser)
         print(HOW)
         return 1
-    options = flight_options(parser)
     note = (
         f'PX4 in lockstep, position from {options.sensors}; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K '
         f'{", ".join(f"{gain:g}" for gain in options.gains)}.'

@@ -263,25 +263,26 @@ class Preview:
         write_design(path, self._page())
 
     def _page(self) -> str:
+        trajectory = (
+            'One period of the trajectory, with run-in and run-out. Dashed lines: limits of the '
+            'excitation. Click a joint to hide it.'
+        )
+        workspace = (
+            f'Path of {self._animation.tool_name} in the base frame, and the covered fraction of '
+            'each joint range.'
+        )
+        parameters = (
+            'Expected standard deviation of the identifiable part of each parameter, after one '
+            'period at 1 kHz with white torque noise. Smaller is better. A parameter without a '
+            'bar cannot be identified from any motion of this arm.'
+        )
+        animation = self._animation.figure(self._times, self._states.q)
         sections = [
-            ('Trajectory', [self._trajectory()], 'One period of the trajectory, with run-in and '
-                                                 'run-out. Dashed lines: limits of the '
-                                                 'excitation. Click a joint to hide it.'),
-            ('Workspace', [self._path(), self._coverage()], 'Path of '
-                                                            f'{self._animation.tool_name} in the '
-                                                            'base frame, and the covered '
-                                                            'fraction of each joint range.'),
-            ('Excitation of each parameter', [self._deviations()], 'Expected standard deviation '
-                                                                   'of the identifiable part of '
-                                                                   'each parameter, after one '
-                                                                   'period at 1 kHz with white '
-                                                                   'torque noise. Smaller is '
-                                                                   'better. A parameter without '
-                                                                   'a bar cannot be identified '
-                                                                   'from any motion of this arm.'),
-            ('Animation', [self._animation.figure(self._times, self._states.q)],
-             'Collision shapes in the postures of the trajectory.'),
-        ]  # fmt: skip
+            ('Trajectory', [self._trajectory()], trajectory),
+            ('Workspace', [self._path(), self._coverage()], workspace),
+            ('Excitation of each parameter', [self._deviations()], parameters),
+            ('Animation', [animation], 'Collision shapes in the postures of the trajectory.'),
+        ]
         body: list[str] = [*self._summary()]
         for title, figures, text in sections:
             body.append(section(title, paragraph(text, 'note'), *map(plotly_figure, figures)))

@@ -1,6 +1,5 @@
 """Test bench of flights in which the arm holds its tool in the world, as processes in lockstep."""
 
-import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,22 +7,16 @@ from pathlib import Path
 import numpy as np
 from builtin_interfaces.msg import Duration
 from flying.arm_model import ArmModel
+from flying.flight_listener import FlightListener
+from flying.flight_record import FlightRecord
 from flying.holding_case import HELD, ORDINARY, POSTURE, HoldingCase
 from flying.node_bench import PATIENCE, NodeBench
 from flying.scaled_drone import write_drone
 from geometry_msgs.msg import PoseStamped, Transform
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics import RawReader
-from aerarm_ros.control.base.base_motion import rotation_matrix
-from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.robot import load_robot
-from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.requests.arm_client import ArmClient
 
@@ -33,38 +26,31 @@ _POINT = 0.05  # [s]
 _REPORT = 2.5  # [s] of host time in which every node reports
 
 
-@dataclass(frozen=True, eq=False)
-class HoldingRecord:
-    """Recorded data of a flight with the tool held in the world.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HoldingRecord(FlightRecord):
+    """Recorded data of a flight with the tool held in the world, since the target was sent.
 
     Attributes
     ----------
-    times : (K,) ndarray
-        Time since the target was sent [s].
-    places : (K, 3) ndarray
-        Positions of the drone's body in the world [m].
-    attitudes : (K, 4) ndarray
-        Quaternions (x, y, z, w).
-    postures : (K, n) ndarray
-        Joint angles [rad].
-    tools, targets : (K, 3) ndarray
+    tool_places, targets : (K, 3) ndarray
         Actual and desired tool positions in the world [m].
     diagnostics : str
         Last diagnostics of the controller, '' without a problem.
     """
 
-    times: np.ndarray
-    places: np.ndarray
-    attitudes: np.ndarray
-    postures: np.ndarray
-    tools: np.ndarray
+    tool_places: np.ndarray
     targets: np.ndarray
     diagnostics: str = ''
+
+    @property
+    def tool_errors(self) -> np.ndarray:
+        """Distances of the tool from its target (K,) [mm]."""
+        return 1e3 * np.linalg.norm(self.tool_places - self.targets, axis=1)
 
     def figures(self) -> tuple[float, float, float, float]:
         """Return RMS and maximum of tool error and drone position error [mm]."""
         rows = self.times > SETTLING
-        tool = 1e3 * np.linalg.norm(self.tools - self.targets, axis=1)[rows]
+        tool = self.tool_errors[rows]
         drone = 1e3 * np.linalg.norm(self.places, axis=1)[rows]
         rms = [float(np.sqrt((x**2).mean())) for x in (tool, drone)]
         return rms[0], float(tool.max()), rms[1], float(drone.max())
@@ -79,19 +65,14 @@ class HoldingBench(NodeBench):
         If a process fails or does not respond.
     """
 
-    recorded = topics.JOINT_STATES, topics.TRUE_ODOMETRY
-
     def __init__(
         self, stack: ExitStack, node: Node, folder: Path, case: HoldingCase, arm: ArmModel
     ) -> None:
         super().__init__(stack, node, folder)
-        self.case, drone = case, case.flown
-        file = write_drone(drone, folder / 'drone.yaml')
-        self._mount = drone.mount
-        self._kinematics = Kinematics(load_robot(gravity_in_base=drone.gravity_in_base))
-        self._reader = RawReader(node, *self.recorded)
-        stack.callback(self._reader.destroy)
-        self._codec = JointStateCdr(load_arm_config().joint_names)
+        self.case, self.drone = case, case.flown
+        file = write_drone(self.drone, folder / 'drone.yaml')
+        self.listener = FlightListener(node, self.drone.rotor_names)
+        stack.callback(self.listener.destroy)
         told = {'lead': 0.06, 'rate': 1.0, 'measured_motion': False, **arm.law}
         self.start('base_reaction', told)
         pilot = {'drone_file': file, 'arm_wait': 5.0, **case.pilot, **arm.drawing}
@@ -123,52 +104,39 @@ class HoldingBench(NodeBench):
 
     def fly(self, seconds: float) -> HoldingRecord:
         """Return the record of the tool after its target, which is its position at that time."""
-        begin, *_, start = self._seen(2.0)[-1]
+        begin, start = self._begin()
         if self.case.law != HELD:
             self._targets.publish(self._target(start))
             if self.case.path:
                 self._motions.publish(self._path(start, begin, seconds))
-        record = self._record(self._seen(seconds), begin, start)
+        record = self._record(self.seen(seconds), begin, start)
         if self.case.path:
             record.targets[:] += swing(record.times, path_length(seconds))
         return record
 
-    def _record(
-        self, rows: list[tuple[float, ...]], begin: float, target: np.ndarray
-    ) -> HoldingRecord:
-        """Return the record of rows with one target, after the last diagnostics."""
-        columns = [np.array(column) for column in zip(*rows, strict=True)]
-        times, places, attitudes, postures, tools = columns
-        targets = np.tile(target, (len(times), 1))
+    def seen(self, seconds: float, is_new: bool = True) -> FlightRecord:
+        """Return the record of a time [s], or extend the previous one."""
+        if is_new:
+            self.listener.forget()
+        begin, _ = self.listener.next()
+        while self.listener.next()[0] < begin + seconds:
+            pass
+        return self.listener.record()
+
+    def _begin(self) -> tuple[float, np.ndarray]:
+        """Return time [s] and tool position (3,) [m] after two seconds."""
+        before = self.seen(2.0)
+        return float(before.times[-1]), before.tools(self.drone)[-1]
+
+    def _record(self, record: FlightRecord, begin: float, target: np.ndarray) -> HoldingRecord:
+        """Return the record with one target, after the last diagnostics."""
         spin_until(self.node, lambda: False, _REPORT)
-        said = self.said('world_control')
-        return HoldingRecord(times - begin, places, attitudes, postures, tools, targets, said)
-
-    def _seen(self, seconds: float) -> list[tuple[float, ...]]:
-        """Return rows of time, drone position and attitude, posture and tool position."""
-        rows: list[tuple[float, ...]] = []
-        q, deadline = None, time.monotonic() + PATIENCE
-        while not rows or rows[-1][0] < rows[0][0] + seconds:
-            if time.monotonic() > deadline:
-                raise TimeoutError('the simulation does not advance')
-            self._reader.wait(0.1)
-            state = self._reader.take_newest(0)
-            sample = self._codec.unpack(state[0]) if state else None
-            if sample is not None and sample.position is not None:
-                q = np.array(sample.position)
-            raw = self._reader.take_newest(1)
-            if raw is None or q is None:
-                continue
-            deadline = time.monotonic() + PATIENCE
-            rows.append(self._row(deserialize_message(raw[0], Odometry), q))
-        return rows
-
-    def _row(self, message: Odometry, q: np.ndarray) -> tuple[float, ...]:
-        p, r = message.pose.pose.position, message.pose.pose.orientation
-        place, turn = np.array([p.x, p.y, p.z]), np.array([r.x, r.y, r.z, r.w])
-        in_body = self._mount.position + self._mount.rotation @ self._kinematics.position(q)
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        return stamp, place, turn, q, place + rotation_matrix(turn) @ in_body
+        return HoldingRecord(
+            **vars(record.shifted(begin)),
+            tool_places=record.tools(self.drone),
+            targets=np.tile(target, (len(record.times), 1)),
+            diagnostics=self.said('world_control'),
+        )
 
     def _target(self, place: np.ndarray) -> PoseStamped:
         message = PoseStamped()

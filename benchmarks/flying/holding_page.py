@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-from flying.flight_record import FlightRecord
 from flying.flight_replay import replay
 from flying.holding_bench import HoldingRecord
 from flying.holding_case import CASES, HELD
@@ -27,7 +26,7 @@ def holding_page(
 ) -> list[Html]:
     """Return the sections of the page; a failed flight is represented by its reason."""
     flown = {name: x for name, x in records.items() if isinstance(x, HoldingRecord)}
-    errors = {name: 1e3 * np.linalg.norm(x.tools - x.targets, axis=1) for name, x in flown.items()}
+    errors = {name: x.tool_errors for name, x in flown.items()}
     places = {name: 1e3 * np.linalg.norm(x.places, axis=1) for name, x in flown.items()}
     body = [
         paragraph(note, 'lead'),
@@ -39,7 +38,7 @@ def holding_page(
         ),
     ]
     held = [name for name in flown if CASES[name].law == HELD][:1]
-    shown = {name: _flight(flown[name]) for name in (_REPLAYED, *held) if name in flown}
+    shown = {name: flown[name] for name in (_REPLAYED, *held) if name in flown}
     if shown:
         drawn = plotly_figure(replay(shown, CASES[_REPLAYED].flown, larger=1.0))
         body.append(section('Replay', drawn))
@@ -61,7 +60,7 @@ def _pushes(pushes: Mapping[str, PushingRecord | str]) -> list[Html]:
     """Return the sections about the force on a wall."""
     flown = {name: x for name, x in pushes.items() if isinstance(x, PushingRecord)}
     forces = {name: record.forces for name, record in flown.items()}
-    shown = {name: _flight(flown[name]) for name in (_REPLAYED_PUSH,) if name in flown}
+    shown = {name: flown[name] for name in (_REPLAYED_PUSH,) if name in flown}
     rows = [_row(*item) for item in pushes.items()]
     parts = [section('Force on a wall', table(PUSH_COLUMNS, rows, []))]
     if flown:
@@ -70,11 +69,3 @@ def _pushes(pushes: Mapping[str, PushingRecord | str]) -> list[Html]:
         drawn = plotly_figure(replay(shown, PUSHES[name].flown, larger=1.0))
         parts.append(section(f'Replay: {name}', drawn))
     return parts
-
-
-def _flight(record: HoldingRecord) -> FlightRecord:
-    """Return a flight whose replay starts one second before time zero."""
-    nothing = np.zeros((0, 1))
-    return FlightRecord(
-        record.times, record.places, record.attitudes, record.postures, nothing[:, 0], nothing
-    )
