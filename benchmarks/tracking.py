@@ -9,7 +9,6 @@ the lower bound that an ideal middleware would reach.
 
 import argparse
 import tempfile
-import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -92,12 +91,8 @@ class ArmStates:
 
     def __init__(self, node: Node, names: tuple[str, ...]) -> None:
         self._reader = RawReader(node, topics.JOINT_STATES)
+        self.publishers = self._reader.publishers
         self._codec = JointStateCdr(names)
-
-    @property
-    def publishers(self) -> int:
-        """Return the number of publishers."""
-        return self._reader.publishers()
 
     def next(self) -> JointSample:
         """Return the next joint state of the arm."""
@@ -116,33 +111,25 @@ class ArmStates:
         return samples
 
 
-def go_to(node: Node, states: ArmStates, names: tuple[str, ...], q: np.ndarray) -> None:
-    """Send the arm to a posture and wait for the motion."""
-    publisher = node.create_publisher(JointState, topics.SET_POINT.name, topics.SET_POINT.qos)
-    while not publisher.get_subscription_count():
-        time.sleep(0.05)
-    publisher.publish(JointState(name=names, position=q.tolist()))
-    states.until(states.next().stamp_ns + 4_000_000_000)
-
-
 def track(
     motion: RampedExcitation, feedback: str, base: str, awareness: str
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return RMS and maximum errors (n,) [mrad], and the fraction of states recorded."""
     names = load_arm_config().joint_names
     with tempfile.TemporaryDirectory() as folder, ros_node() as node, ExitStack() as stack:
-        client = start_arm(NodeBench(stack, node, Path(folder)), feedback, base, awareness)
+        bench = NodeBench(stack, node, Path(folder))
+        client = start_arm(bench, feedback, base, awareness)
         states = ArmStates(node, names)
-        go_to(node, states, names, motion.evaluate(0.0).q)
-        topic = topics.JOINT_TRAJECTORY
-        publisher = node.create_publisher(topic.type, topic.name, topic.qos)
-        while not publisher.get_subscription_count():
-            time.sleep(0.05)
+        goals, publisher = map(bench.publisher_of, (topics.SET_POINT, topics.JOINT_TRAJECTORY))
+        for each in (goals, publisher):
+            bench.wait('computed_torque', each.get_subscription_count)
+        goals.publish(JointState(name=names, position=motion.evaluate(0.0).q.tolist()))
+        states.until(states.next().stamp_ns + 4_000_000_000)
         begin = states.next().stamp_ns + round(LEAD * 1e9)
         publisher.publish(trajectory_message(motion, names, begin))
         samples = states.until(begin + round(motion.duration * 1e9))
         require_running(client, Path(folder))
-        if states.publishers > 1:
+        if states.publishers() > 1:
             raise SystemExit(
                 'tracking: another bridge runs in this ROS domain: stop it, and try again'
             )

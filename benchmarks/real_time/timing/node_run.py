@@ -20,6 +20,7 @@ from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 sys.path.insert(0, str(Path(__file__).parents[3] / 'test' / 'hardware'))
 sys.path.append(str(Path(__file__).parents[2]))
 import spi_boards
+from flying.arm_model import record_excitation  # noqa: F401 - for other programs
 from flying.node_bench import ros_node
 
 EMULATED, REAL = 'fake_hardware', 'hardware_bridge'
