@@ -79,14 +79,9 @@ class FlightRecord:
         """Return the data between two times [s]."""
         rows = (self.times >= begin) & (self.times < end)
         commands = (self.command_times >= begin) & (self.command_times < end)
-        return FlightRecord(
-            self.times[rows],
-            self.places[rows],
-            self.attitudes[rows],
-            self.postures[rows],
-            self.command_times[commands],
-            self.thrusts[commands],
-        )
+        states = (self.times, self.places, self.attitudes, self.postures)
+        thrusts = (self.command_times, self.thrusts)
+        return FlightRecord(*(x[rows] for x in states), *(x[commands] for x in thrusts))
 
     def shifted(self, begin: float) -> 'FlightRecord':
         """Return the record with times relative to a given time [s]."""
