@@ -59,12 +59,10 @@ def flying(
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--sensors', choices=SENSORS, default=VISION)
-    program = find_ardupilot()
+    options, program = flight_options(parser), find_ardupilot()
     if program is None:
-        flight_options(parser)
         print(HOW)
         return 1
-    options = flight_options(parser)
     by = f'ArduCopter in lockstep, position from {options.sensors}.'
     return fly_all(program, options, flying, by, 'flight_ardupilot.html')
 

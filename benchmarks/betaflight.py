@@ -14,21 +14,17 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
-import rclpy
-from flight import identify, open_ros
 from flying.arm_model import ArmModel
 from flying.betaflight_program import HOW, BetaflightProgram, find_betaflight
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
-from flying.flight_page import write_page
+from flying.flight_page import Records, report
 from flying.flight_program import PARTS, FlightProgram
-from flying.flight_record import FlightRecord
-from flying.flight_results import FlightResults
 from flying.flight_way import FlightWay, load_drone
+from flying.node_bench import FAILURES, reason, ros_node
 from rclpy.node import Node
 
 from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup
-from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 DRONE = 'hexarotor'
 WAYS = {
@@ -41,9 +37,7 @@ LAW = (('kp', [100.0]), ('kd', [20.0]))
 GAINS = {'position_frequency': 1.6, 'position_damping': 0.9, 'position_integral': 0.3}
 
 
-def fly(
-    node: Node, program: Path, arm: ArmModel, ways: list[str], parts: list[str]
-) -> dict[str, FlightRecord | str]:
+def fly(node: Node, program: Path, arm: ArmModel, ways: list[str], parts: list[str]) -> Records:
     """Return the flight record of each method, or the reason of a failure.
 
     The firmware is started for each method.
@@ -63,8 +57,8 @@ def fly(
                 record = bench.fly(FlightProgram(parts=parts))
                 found[name] = record
                 print(f'{DRONE}, {name}: {"lost" if record.is_lost else "flown"}', flush=True)
-        except (ValueError, TimeoutError, ArmClientError) as error:
-            found[name] = ' '.join(str(error).split())[:160]
+        except FAILURES as error:
+            found[name] = reason(error)
     return found
 
 
@@ -73,32 +67,19 @@ def main() -> int:
     parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
     parser.add_argument('--out', type=Path, help='folder for the page')
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
-    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
+    ArmModel.add_options(parser)
     options = parser.parse_args()
     program = find_betaflight()
     if program is None:
         print(HOW)
         return 1
-    arm = ArmModel.true()
     with tempfile.TemporaryDirectory() as folder:
-        if options.model == 'identified':
-            arm = identify(os.getpid(), Path(folder), options.arm_seed)
-        node = open_ros(os.getpid())
-        try:
+        arm = ArmModel.chosen(options, Path(folder))
+        with ros_node() as node:
             records = fly(node, program, arm, options.ways, options.parts)
-        finally:
-            rclpy.try_shutdown()
-        flown = FlightProgram(parts=options.parts)
-        results = FlightResults(flown, {DRONE: records}, arm.law.get('urdf'))
-    load = os.getloadavg()[0]
-    note = (
-        f'A drone of 3 kg with an arm of 1.5 kg (model {arm.name}), flown by Betaflight; '
-        f'simulation pace keep_up; load of the host {load:.1f} on {os.cpu_count()} cores.'
-    )
-    print(f'{note}\n{results.text()}')
-    if options.out:
-        write_page(options.out / 'flight_betaflight.html', results, note)
+        load = f'load of the host {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores'
+        by = f', flown by Betaflight; simulation pace keep_up; {load}.'
+        report(options, {DRONE: records}, arm, by, 'flight_betaflight.html')
     return 0
 
 

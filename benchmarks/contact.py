@@ -9,7 +9,6 @@ the maximum error, from 1.5 s after the start of the pull (`contact_bandwidth` 1
 """
 
 import argparse
-import os
 import sys
 import tempfile
 from contextlib import ExitStack
@@ -17,13 +16,12 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
-from flight import identify, open_ros
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_bench import QUICK_LEAD, FlightBench
 from flying.flight_case import FlightCase
-from flying.flight_listener import PATIENCE
 from flying.flight_way import WAYS, load_drone
+from flying.node_bench import PATIENCE, ros_node
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -32,9 +30,7 @@ from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics import RawReader
-from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.excitation.trajectory import MotionSequence, Stage
-from aerarm_ros.ros.requests.motion_request import trajectory_message
 
 RAMP = 1.0  # [s]
 ZEROING = 3.0  # [s]
@@ -89,9 +85,8 @@ def pull(bench: FlightBench, node: Node, is_zeroed: bool) -> tuple[float, Words]
         while bench.listener.next()[0] < zeroed + ZEROING:
             rclpy.spin_once(node, timeout_sec=0.0)
     begin = bench.listener.next()[0] + QUICK_LEAD
-    names, motion = load_arm_config().joint_names, swings()
-    bench.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
-    bench.listener.forget()
+    motion = swings()
+    bench.send(motion, begin)
     changes = [(pull_begin(i), force) for i, force in enumerate([*PULLS, []])]
     told: Words = []
     now = -np.inf
@@ -130,22 +125,17 @@ def figures(times: np.ndarray, forces: np.ndarray) -> list[str]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--drone', default='tilted_hexarotor')
-    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
+    ArmModel.add_options(parser)
     parser.add_argument('--raw', action='store_true', help='do not call zero_contact before')
     parser.add_argument('--cases', nargs='*', default=list(CASES), choices=list(CASES))
     options = parser.parse_args()
     print(f'{options.drone} with the arm {options.model}; forces in N')
     print('| | slow | fast | 2 N | 5 N | 10 N |')
     with tempfile.TemporaryDirectory() as folder:
-        arm = ArmModel.true()
-        if options.model == 'identified':
-            arm = identify(os.getpid(), Path(folder), seed=7)
-        for number, case in enumerate(options.cases, os.getpid()):
-            node = open_ros(number)
-            try:
+        arm = ArmModel.chosen(options, Path(folder))
+        for case in options.cases:
+            with ros_node() as node:
                 cells = fly(node, options.drone, arm, CASES[case], not options.raw)
-            finally:
-                rclpy.shutdown()
             print(f'| {case} | {" | ".join(cells)} |', flush=True)
     return 0
 

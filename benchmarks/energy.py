@@ -11,24 +11,23 @@ plays 100 moves and writes a page.
 
 import argparse
 import json
-import os
 import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from energy_moves.energy_bench import EnergyBench, Taken
 from energy_moves.energy_figures import figures
 from energy_moves.energy_page import energy_page
 from energy_moves.move import SHAPES, Move, draw_moves
 from flying.arm_model import ArmModel
-from rclpy.node import Node
+from flying.node_bench import ros_node
+from flying.pages import write_page
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
@@ -66,22 +65,9 @@ def play(bench: EnergyBench, planner: MotionPlanner, pairs: list[tuple[int, Move
         print(f'moves {2 * number} and {2 * number + 1} of {move.duration:.2f} s', flush=True)
 
 
-@contextmanager
-def bench_node() -> Iterator[Node]:
-    """Yield a node in a ROS domain without messages of earlier nodes."""
-    node = rclpy.create_node('bench')
-    try:
-        yield node
-    finally:
-        node.destroy_node()
-
-
 def measure(folder: Path, options: argparse.Namespace) -> Iterator[tuple[list[Taken], list[str]]]:
     """Yield results of the moves so far, and rejected moves."""
-    arm = ArmModel.true()
-    if options.model == 'identified':
-        with bench_node() as node:
-            arm = ArmModel.identified(node, folder, options.arm_seed)
+    arm = ArmModel.chosen(options, folder)
     model, planner = known(arm)
     low, high = planner.limits.position_min, planner.limits.position_max
     drawn = draw_moves(planner, low, high, options.seed, options.durations)
@@ -89,7 +75,7 @@ def measure(folder: Path, options: argparse.Namespace) -> Iterator[tuple[list[Ta
     for first in range(0, len(pairs), BATCH):
         part = folder / f'part_{first // BATCH}'
         part.mkdir()
-        with bench_node() as node, ExitStack() as stack:
+        with ros_node() as node, ExitStack() as stack:
             bench = EnergyBench(stack, node, part, arm, model)
             play(bench, planner, pairs[first : first + BATCH])
             yield bench.results(), bench.refused
@@ -103,17 +89,13 @@ def main() -> int:
     parser.add_argument('--seed', type=int, default=1, help='seed of the random moves')
     parser.add_argument('--durations', type=float, nargs=2, default=[2.0, 4.0],
                         help='shortest and longest duration of a move [s]')  # fmt: skip
-    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the emulated arm')
+    ArmModel.add_options(parser)
     parser.add_argument('--out', type=Path, help='folder for the page and the results')
     options = parser.parse_args()
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     if options.out:
         options.out.mkdir(parents=True, exist_ok=True)
     results: list[Taken] = []
     refused: list[str] = []
-    rclpy.init(args=[])
     with tempfile.TemporaryDirectory() as folder:
         for part, reasons in measure(Path(folder), options):
             results += part
@@ -121,7 +103,6 @@ def main() -> int:
             if options.out:  # also keep the results after an error
                 rows = {'moves': [asdict(one) for one in results], 'refused': refused}
                 (options.out / 'energy.json').write_text(json.dumps(rows))
-    rclpy.shutdown()
     found = figures(results)
     standby = load_arm_config().power_stage.standby
     note = (
@@ -132,9 +113,8 @@ def main() -> int:
     for reason in refused:
         print(f'refused: {reason}')
     if options.out:
-        written = energy_page(found, standby, PACK, note, refused)
-        (options.out / 'energy.html').write_text(written, encoding='utf-8')
-        print(f'Page      {options.out / "energy.html"}')
+        body = energy_page(found, standby, PACK, note, refused)
+        write_page(options.out / 'energy.html', 'Energy of motions', body)
     return 0
 
 

@@ -7,7 +7,6 @@ firmware.
 """
 
 import argparse
-import os
 import re
 import signal
 import sys
@@ -17,19 +16,17 @@ from pathlib import Path
 import ardupilot
 import numpy as np
 import px4
-import rclpy
-from flight import open_ros
 from flying.ardupilot_program import find_ardupilot
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_bench import FlightBench
 from flying.flight_record import LOST
 from flying.flight_way import load_drone
+from flying.node_bench import FAILURES as ERRORS
+from flying.node_bench import reason, ros_node
 from flying.px4_program import HOW, find_px4
 from px4 import Flying, options_of
 from rclpy.node import Node
-
-from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 WAY, DRONE = 'posture, motion, lead', 'hexarotor'
 _WHEN, _LENGTH, _RAMP = 3.0, 10.0, 1.0  # [s]
@@ -93,16 +90,13 @@ def main() -> int:
     if build is None:
         print(f'{HOW}. The same holds for ArduPilot: set ARDUPILOT=<folder of ArduPilot>')
         return 1
-    node = open_ros(os.getpid())
     print(f'{"distance [mm]":52} before  after    end  reports')
-    try:
+    with ros_node() as node:
         for name in options.failures:
             try:
                 print(fail(node, build, flying, options, name), flush=True)
-            except (ValueError, TimeoutError, ArmClientError) as error:
-                print(f'{name}: {" ".join(str(error).split())[:160]}', flush=True)
-    finally:
-        rclpy.try_shutdown()
+            except ERRORS as error:
+                print(f'{name}: {reason(error)}', flush=True)
     return 0
 
 

@@ -19,18 +19,15 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
-import rclpy
 from flying.arm_model import ArmModel
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
-from flying.flight_page import write_page
+from flying.flight_page import report
 from flying.flight_program import PARTS, FlightProgram
 from flying.flight_record import FlightRecord
-from flying.flight_results import FlightResults
 from flying.flight_way import DRONES, WAYS, load_drone, ways_of
+from flying.node_bench import FAILURES, reason, ros_node
 from rclpy.node import Node
-
-from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 Records = dict[str, FlightRecord | str]
 # A flight in lockstep waits for its slowest process, which leaves cores idle.
@@ -71,22 +68,6 @@ class Settings:
         return dict(zip(names, (position, position, attitude), strict=True))
 
 
-def open_ros(number: int) -> Node:
-    """Return a node in a ROS domain by number, which no concurrent run may use."""
-    os.environ['ROS_DOMAIN_ID'] = str(1 + number % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    rclpy.init(args=[])
-    return rclpy.create_node('flight')
-
-
-def identify(number: int, folder: Path, seed: int) -> ArmModel:
-    """Return an emulated arm with its identified parameters."""
-    try:
-        return ArmModel.identified(open_ros(number), folder, seed)
-    finally:
-        rclpy.shutdown()
-
-
 def jobs(names: list[str], ways: list[str]) -> list[tuple[str, list[str]]]:
     """Return drones with their methods in order, longest flights first.
 
@@ -103,13 +84,10 @@ def jobs(names: list[str], ways: list[str]) -> list[tuple[str, list[str]]]:
 
 def fly(number: int, name: str, ways: list[str], arm: ArmModel, settings: Settings) -> Records:
     """Return the records of one drone's flights, or the reason of a failure."""
-    node = open_ros(number)
     found: Records = {}
-    try:
+    with ros_node(number) as node:
         while left := [way for way in ways if way not in found]:
             fly_until_lost(node, name, left, arm, settings, found)
-    finally:
-        rclpy.shutdown()
     return found
 
 
@@ -133,16 +111,15 @@ def fly_until_lost(
                 print(f'{name}, {flown}: {"lost" if record.is_lost else "flown"}', flush=True)
                 if record.is_lost:
                     return
-    except (ValueError, TimeoutError, ArmClientError) as error:
-        found[flown] = ' '.join(str(error).split())[:160]
+    except FAILURES as error:
+        found[flown] = reason(error)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--drones', nargs='*', default=['hexarotor'], choices=list(DRONES))
     parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
-    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
+    ArmModel.add_options(parser)
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
     parser.add_argument(
         '--wrong',
@@ -168,15 +145,13 @@ def main() -> int:
     parser.add_argument('--out', type=Path, help='folder for the page')
     options = parser.parse_args()
     settings = Settings(tuple(options.parts), options.latency, tuple(options.frequencies))
-    arm, program = ArmModel.true(), FlightProgram(parts=options.parts)
     first = os.getpid()  # process ids of workers may differ by less than the number of flights
     context = get_context('spawn')
     with (
         tempfile.TemporaryDirectory() as folder,
         ProcessPoolExecutor(AT_ONCE, mp_context=context) as pool,
     ):
-        if options.model == 'identified':
-            arm = pool.submit(identify, first, Path(folder), options.arm_seed).result()
+        arm = pool.submit(ArmModel.chosen, options, Path(folder)).result()
         if options.wrong:
             arm = arm.with_errors(options.wrong, options.wrong_seed, Path(folder))
         flights = [
@@ -190,14 +165,8 @@ def main() -> int:
             name: {way: flown[way] for way in options.ways if way in flown}
             for name, flown in found.items()
         }
-        results = FlightResults(program, records, arm.law.get('urdf'))
-    note = (
-        f'Drones of 3 kg with an arm of 1.5 kg (model {arm.name}); delay of the sensors '
-        f'{1e3 * options.latency:g} ms.'
-    )
-    print(f'{note}\n{results.text()}')
-    if options.out:
-        write_page(options.out / 'flight.html', results, note)
+        by = f'; delay of the sensors {1e3 * options.latency:g} ms.'
+        report(options, records, arm, by, 'flight.html')
     return 0
 
 

@@ -9,23 +9,20 @@ the controller uses parameters that `identifier` estimates from a recorded excit
 """
 
 import argparse
-import os
 import tempfile
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from control import FREE_GOAL, free_over_fixed
 from flying.arm_model import ArmModel
 from flying.arm_swing import MOTIONS, ArmSwing
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
 from flying.grown_motion import RAMP
+from flying.node_bench import FAILURES, reason, ros_node
 from rclpy.node import Node
-
-from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 MASSES = (1.3, 2.0, 3.0, 5.0, 10.0)
 WHAT = [case.wrong for case in FlightCase(1.0, 'free').variants()]
@@ -78,9 +75,8 @@ class Campaign:
                     off = f'{1e3 * away:.0f}' if case.mass else ''
                     figures = f'{rms:.2f}', f'{np.abs(errors).max():.1f}', f'{grown:.2f}', off
                     print(LINE.format(*heading, name, *figures), flush=True)
-        except (ValueError, TimeoutError, ArmClientError) as error:
-            text = ' '.join(str(error).split())[:160]
-            print(LINE.format(*heading, '', *'----'), text, flush=True)
+        except FAILURES as error:
+            print(LINE.format(*heading, '', *'----'), reason(error), flush=True)
 
     def summary(self) -> None:
         """Print the results and their goals."""
@@ -135,12 +131,17 @@ def main() -> None:
             f'argument --seconds must be at least {SHORTEST:g} s, because start and end take '
             'most of a shorter motion'
         )
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    rclpy.init(args=[])
-    campaign = Campaign(
-        rclpy.create_node('free_base'), dict(zip(MOTIONS, options.seconds, strict=True))
-    )
+    with ros_node() as node:
+        campaign = Campaign(node, dict(zip(MOTIONS, options.seconds, strict=True)))
+        fly(campaign, options)
+        campaign.summary()
+    law, cycle = free_over_fixed()
+    print(f'Computing time with a free base relative to a fixed base: law {law:.2f} (goal: '
+          f'{FREE_GOAL:g}), whole cycle {cycle:.2f}')  # fmt: skip
+
+
+def fly(campaign: Campaign, options: argparse.Namespace) -> None:
+    """Run all cases that the options choose."""
     print(LINE.format(*HEADINGS))
     arm = ArmModel.true()
     campaign.run(FlightCase(0.0, 'none'), arm)
@@ -158,11 +159,6 @@ def main() -> None:
             campaign.run(FlightCase(0.0, 'none'), arm)
             for mass in options.identified:
                 campaign.run(FlightCase(mass, 'free'), arm)
-    campaign.summary()
-    law, cycle = free_over_fixed()
-    print(f'Computing time with a free base relative to a fixed base: law {law:.2f} (goal: '
-          f'{FREE_GOAL:g}), whole cycle {cycle:.2f}')  # fmt: skip
-    rclpy.shutdown()
 
 
 if __name__ == '__main__':

@@ -32,6 +32,7 @@ from aerarm_ros.flight.arm_load import ArmFeedForward
 from aerarm_ros.flight.flight_control import FlightControl, FlightGains
 from aerarm_ros.model.inertia import parameters_of_body
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
+from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import JointMotion, JointReference
 from aerarm_ros.world.heading import HeadingControl
 from aerarm_ros.world.rotor_governor import PacedMotion, RotorGovernor
@@ -105,24 +106,6 @@ def governed(governor: RotorGovernor, part: str, motion: JointMotion) -> JointMo
     return motion if found is points else found
 
 
-class Played:
-    """Motion that is given by its references at every cycle."""
-
-    def __init__(self, rows: list[JointReference]) -> None:
-        self._parts = [np.array(part) for part in zip(*rows, strict=True)]
-        self._times = CYCLE * np.arange(len(rows))
-        self.duration = float(self._times[-1])
-
-    def evaluate(self, time: ArrayLike) -> JointReference:
-        """Return the reference (M, n) at times (M,) [s]."""
-        times = np.atleast_1d(time)
-        parts = [
-            np.array([np.interp(times, self._times, row) for row in part.T]).T
-            for part in self._parts
-        ]
-        return JointReference(*parts)
-
-
 def streamed(motion: JointMotion, governor: RotorGovernor | None) -> JointMotion:
     """Return the motion of an arm that receives points at 100 Hz, and of 6 s after the last."""
     limits, points = JointLimits.from_config(load_arm_config()), Points(motion)
@@ -138,7 +121,8 @@ def streamed(motion: JointMotion, governor: RotorGovernor | None) -> JointMotion
             with suppress(RejectedInputError):
                 follower.follow(JointTrajectory(limits, limits.names, [0.0], *point), now)
         rows.append(follower.update(follower.reference.q, now, CYCLE))
-    return Played(rows)
+    parts = [np.array(part) for part in zip(*rows, strict=True)]
+    return PolynomialPath.quintic(CYCLE * np.arange(len(rows)), *parts)
 
 
 def control(

@@ -20,17 +20,17 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-import rclpy
-from flight import open_ros
 from flying.ardupilot_program import ArduPilotProgram, find_ardupilot
 from flying.arm_swing import ArmSwing
 from flying.firmware_program import FirmwareProgram
 from flying.flight_way import load_drone
+from flying.node_bench import ros_node
 from flying.px4_program import HOW, Px4Program, find_px4
 from flying.rigid_flight import RigidFlight
-from geometry_msgs.msg import InertiaStamped, PoseStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped
 from px4 import GAINS
 from rclpy.node import Node
+from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
 from aerarm_ros.autopilot import ardupilot_link
@@ -49,7 +49,9 @@ from aerarm_ros.autopilot.px4_setup import Px4Setup
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.controllers.controller_parameters import inertia_message, wrench_message
 from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.states.state_stream import base_header
 
 _INSTANCE = 1 + os.getpid() % 200
 _NODE_PORT = 18570 + _INSTANCE  # PX4's link for a ground station
@@ -80,30 +82,17 @@ class Topics:
 
     def offer_inertia(self, stamp: float, mass: float, com: Array, inertia: Array) -> None:
         """Publish the arm's mass properties at a time of the flight [s]."""
-        message = InertiaStamped()
-        self._stamp(message, stamp)
-        values = message.inertia
-        values.m = float(mass)
-        values.com.x, values.com.y, values.com.z = com.tolist()
-        rows = inertia.tolist()
-        values.ixx, values.ixy, values.ixz = rows[0]
-        values.iyy, values.iyz, values.izz = rows[1][1], rows[1][2], rows[2][2]
-        self._inertias.publish(message)
+        self._inertias.publish(inertia_message(self._header(stamp), mass, com, inertia))
 
     def offer_motion(self, stamp: float, wrench: Array) -> None:
-        """Publish the wrench of the joints' motion at a time of the flight [s]."""
-        message = WrenchStamped()
-        self._stamp(message, stamp)
-        force, torque = message.wrench.force, message.wrench.torque
-        force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench.tolist()
-        self._wrenches.publish(message)
+        """Publish the wrench of the arm's motion at a time of the flight [s]."""
+        self._wrenches.publish(wrench_message(self._header(stamp), wrench))
 
     def at(self, now: float) -> None:
         """Return no feed-forward, because `mavlink_feedforward` adds it."""
 
-    def _stamp(self, message: InertiaStamped | WrenchStamped, stamp: float) -> None:
-        wall_ns = round(1e9 * (self._begin() + stamp))
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(wall_ns, 10**9)
+    def _header(self, stamp: float) -> Header:
+        return base_header(round(1e9 * (self._begin() + stamp)), '')
 
 
 class PacedControl:
@@ -243,16 +232,14 @@ def main() -> int:
     parser.add_argument('--seconds', type=float, default=20.0, help='duration of the motion [s]')
     parser.add_argument('--silence', type=float, default=0.0, help='time without set points [s]')
     options = parser.parse_args()
-    node = open_ros(os.getpid())
     print('feed-forward   RMS mm   max mm  heading  behind ms')
     try:
-        for is_told in (False, True):
-            print(fly(node, options, is_told), flush=True)
+        with ros_node() as node:
+            for is_told in (False, True):
+                print(fly(node, options, is_told), flush=True)
     except ValueError as error:
         print(error)
         return 1
-    finally:
-        rclpy.try_shutdown()
     return 0
 
 

@@ -8,7 +8,6 @@ pick-up, with and without payload compensation in the controller. `--noise` sets
 """
 
 import argparse
-import os
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -18,19 +17,17 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
-from flight import open_ros
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_bench import LEAD, FlightBench
 from flying.flight_case import FlightCase
 from flying.flight_record import LOST
 from flying.flight_way import WAYS, load_drone
+from flying.node_bench import ros_node
 from geometry_msgs.msg import InertiaStamped
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.ros.requests.motion_request import trajectory_message
 
 LOAD = [0.2, 0.1, 0.01, -0.02]  # [kg], and its position in the last joint's frame [m]
 BARE = [0.0, *LOAD[1:]]
@@ -114,7 +111,7 @@ def weigh(node: Node, arm: ArmModel, noise: Sequence[float], share: float) -> We
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         bench = FlightBench(stack, node, Path(folder), case, replace(arm, law=law))
         base = {'drone_file': Path(folder) / 'believed.yaml', 'base_motion': 'free'}
-        bench.start(stack, 'payload_estimator', arm.law | base)
+        bench.start('payload_estimator', arm.law | base)
         estimates: list[tuple[float, ...]] = []
 
         def note(message: InertiaStamped) -> None:
@@ -122,20 +119,15 @@ def weigh(node: Node, arm: ArmModel, noise: Sequence[float], share: float) -> We
             centre = body.com.x, body.com.y, body.com.z
             estimates.append((stamp.sec + 1e-9 * stamp.nanosec, body.m, *centre))
 
-        topic = topics.PAYLOAD
-        subscription = node.create_subscription(topic.type, topic.name, note, topic.qos)
-        try:
-            return _fly(bench, estimates)
-        finally:
-            node.destroy_subscription(subscription)
+        bench.listen(topics.PAYLOAD, note)
+        return _fly(bench, estimates)
 
 
 def _fly(bench: FlightBench, estimates: list[tuple[float, ...]]) -> Weighing:
     """Swing the arm, pick up the payload, carry it and put it down."""
     begin = bench.wait_until_still() + LEAD
     motion = ArmSwing('fast', PICK_UP + CARRIED + AFTER + 4.0)
-    names = load_arm_config().joint_names
-    bench.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
+    bench.send(motion, begin)
     orders = [(PICK_UP, LOAD), (PICK_UP + CARRIED, BARE)]
     when, rows, now = [], [], begin
     while now < begin + PICK_UP + CARRIED + AFTER:
@@ -155,8 +147,7 @@ def _fly(bench: FlightBench, estimates: list[tuple[float, ...]]) -> Weighing:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--model', choices=('identified', 'true'), default='true')
-    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
+    ArmModel.add_options(parser, default='true')
     parser.add_argument(
         '--noise', type=float, nargs=2, default=(0.1, 0.003), help='IMU noise [m/s^2] and [rad/s]'
     )
@@ -164,21 +155,12 @@ def main() -> int:
         '--shares', type=float, nargs='*', default=(1.0, 0.0), help='compensated fractions'
     )
     options = parser.parse_args()
-    node = open_ros(os.getpid())
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            arm = ArmModel.true()
-            if options.model == 'identified':
-                arm = ArmModel.identified(node, Path(folder), options.arm_seed)
-            for share in options.shares:
-                weighing = weigh(node, arm, options.noise, share)
-                print(
-                    f'IMU noise {options.noise}, payload compensation {100.0 * share:.0f} %:',
-                    flush=True,
-                )
-                print(weighing.text(), flush=True)
-    finally:
-        rclpy.shutdown()
+    with tempfile.TemporaryDirectory() as folder:
+        arm = ArmModel.chosen(options, Path(folder))
+        for share in options.shares:
+            with ros_node() as node:
+                text = weigh(node, arm, options.noise, share).text()
+            print(f'IMU noise {options.noise}, payload compensation {100.0 * share:.0f} %:\n{text}')
     return 0
 
 

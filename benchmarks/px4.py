@@ -16,16 +16,13 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
-import rclpy
-from flight import identify, open_ros
 from flying.arm_model import ArmModel
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
-from flying.flight_page import write_page
+from flying.flight_page import Records, report
 from flying.flight_program import PARTS, FlightProgram
-from flying.flight_record import FlightRecord
-from flying.flight_results import FlightResults
 from flying.flight_way import DRONES, FlightWay, load_drone
+from flying.node_bench import FAILURES, reason, ros_node
 from flying.px4_program import HOW, Px4Program, find_px4
 from rclpy.node import Node
 
@@ -36,7 +33,6 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.flight.arm_load import MassProperties
-from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 WAYS = {
     'integral': FlightWay('px4'),
@@ -115,12 +111,12 @@ Flying = Callable[
 
 def fly(
     node: Node, build: Path, name: str, arm: ArmModel, options: argparse.Namespace, flying: Flying
-) -> dict[str, FlightRecord | str]:
+) -> Records:
     """Return the flight record of each method, or the reason of a failure.
 
     The firmware is started for each method.
     """
-    found: dict[str, FlightRecord | str] = {}
+    found: Records = {}
     for number, way in enumerate(options.ways):
         begin = time.monotonic()
         try:
@@ -131,8 +127,8 @@ def fly(
                     f'{name}, {way}: {"lost" if record.is_lost else "flown"}, released after '
                     f'{ready:.0f} s, ended after {time.monotonic() - begin:.0f} s', flush=True,
                 )  # fmt: skip
-        except (ValueError, TimeoutError, ArmClientError) as error:
-            found[way] = ' '.join(str(error).split())[:160]
+        except FAILURES as error:
+            found[way] = reason(error)
     return found
 
 
@@ -157,12 +153,10 @@ def options_of(parser: argparse.ArgumentParser) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options_of(parser)
-    build = find_px4()
+    options, build = flight_options(parser), find_px4()
     if build is None:
-        flight_options(parser)
         print(HOW)
         return 1
-    options = flight_options(parser)
     note = (
         f'PX4 in lockstep, position from {options.sensors}; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K '
         f'{", ".join(f"{gain:g}" for gain in options.gains)}.'
@@ -177,30 +171,19 @@ def flight_options(parser: argparse.ArgumentParser) -> argparse.Namespace:
                         choices=list(WAYS))  # fmt: skip
     parser.add_argument('--out', type=Path, help='folder for the page')
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
-    parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
+    ArmModel.add_options(parser)
     return parser.parse_args()
 
 
 def fly_all(build: Path, options: argparse.Namespace, flying: Flying, by: str, page: str) -> int:
     """Fly all drones and methods, print the table and write the page."""
-    arm = ArmModel.true()
     with tempfile.TemporaryDirectory() as folder:
-        if options.model == 'identified':
-            arm = identify(os.getpid(), Path(folder), options.arm_seed)
-        node = open_ros(os.getpid())
-        try:
+        arm = ArmModel.chosen(options, Path(folder))
+        with ros_node() as node:
             records = {
                 name: fly(node, build, name, arm, options, flying) for name in options.drones
             }
-        finally:
-            rclpy.try_shutdown()
-        flown = FlightProgram(parts=options.parts)
-        results = FlightResults(flown, records, arm.law.get('urdf'))
-    note = f'Drones of 3 kg with an arm of 1.5 kg (model {arm.name}), flown by {by}'
-    print(f'{note}\n{results.text()}')
-    if options.out:
-        write_page(options.out / page, results, note)
+        report(options, records, arm, f', flown by {by}', page)
     return 0
 
 

@@ -8,14 +8,12 @@ the lower bound that an ideal middleware would reach.
 """
 
 import argparse
-import os
 import tempfile
-import time
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-import rclpy
+from flying.node_bench import NodeBench, ros_node
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -28,7 +26,6 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
 from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.excitation.trajectory import RampedExcitation
-from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.simulation.arm_plant import PlantParameters
@@ -59,9 +56,7 @@ def draw_motion(seed: int, periods: int) -> RampedExcitation:
     return RampedExcitation(trajectory, periods, settings.ramp_time)
 
 
-def start_arm(
-    stack: ExitStack, node: Node, folder: Path, feedback: str, base: str, awareness: str
-) -> ArmClient:
+def start_arm(bench: NodeBench, feedback: str, base: str, awareness: str) -> ArmClient:
     """Start bridge and controller, and wait until the arm follows the controller."""
     config, robot = load_arm_config(), load_robot()
     load_friction = PlantParameters.nominal(config, robot).load_friction.tolist()
@@ -73,10 +68,9 @@ def start_arm(
         'load_friction': load_friction,
         'realtime_priority': 70,
     }
-    for name, parameters in (('fake_hardware', arm), ('computed_torque', law)):
-        log = folder / f'{name}.log'
-        stack.enter_context(NodeProcess(name, (), parameters, log=log))
-    client = ArmClient(node)
+    bench.start('fake_hardware', arm)
+    bench.start('computed_torque', law)
+    client = ArmClient(bench.node)
     client.wait_for_mode(['idle'], 60.0)
     client.call('enable')
     client.wait_for_mode(['running'], 60.0)
@@ -97,12 +91,8 @@ class ArmStates:
 
     def __init__(self, node: Node, names: tuple[str, ...]) -> None:
         self._reader = RawReader(node, topics.JOINT_STATES)
+        self.publishers = self._reader.publishers
         self._codec = JointStateCdr(names)
-
-    @property
-    def publishers(self) -> int:
-        """Return the number of publishers."""
-        return self._reader.publishers()
 
     def next(self) -> JointSample:
         """Return the next joint state of the arm."""
@@ -121,38 +111,28 @@ class ArmStates:
         return samples
 
 
-def go_to(node: Node, states: ArmStates, names: tuple[str, ...], q: np.ndarray) -> None:
-    """Send the arm to a posture and wait for the motion."""
-    publisher = node.create_publisher(JointState, topics.SET_POINT.name, topics.SET_POINT.qos)
-    while not publisher.get_subscription_count():
-        time.sleep(0.05)
-    publisher.publish(JointState(name=names, position=q.tolist()))
-    states.until(states.next().stamp_ns + 4_000_000_000)
-
-
 def track(
     motion: RampedExcitation, feedback: str, base: str, awareness: str
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return RMS and maximum errors (n,) [mrad], and the fraction of states recorded."""
     names = load_arm_config().joint_names
-    node = rclpy.create_node('tracking')
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        client = start_arm(stack, node, Path(folder), feedback, base, awareness)
+    with tempfile.TemporaryDirectory() as folder, ros_node() as node, ExitStack() as stack:
+        bench = NodeBench(stack, node, Path(folder))
+        client = start_arm(bench, feedback, base, awareness)
         states = ArmStates(node, names)
-        go_to(node, states, names, motion.evaluate(0.0).q)
-        topic = topics.JOINT_TRAJECTORY
-        publisher = node.create_publisher(topic.type, topic.name, topic.qos)
-        while not publisher.get_subscription_count():
-            time.sleep(0.05)
+        goals, publisher = map(bench.publisher_of, (topics.SET_POINT, topics.JOINT_TRAJECTORY))
+        for each in (goals, publisher):
+            bench.wait('computed_torque', each.get_subscription_count)
+        goals.publish(JointState(name=names, position=motion.evaluate(0.0).q.tolist()))
+        states.until(states.next().stamp_ns + 4_000_000_000)
         begin = states.next().stamp_ns + round(LEAD * 1e9)
         publisher.publish(trajectory_message(motion, names, begin))
         samples = states.until(begin + round(motion.duration * 1e9))
         require_running(client, Path(folder))
-        if states.publishers > 1:
+        if states.publishers() > 1:
             raise SystemExit(
                 'tracking: another bridge runs in this ROS domain: stop it, and try again'
             )
-    node.destroy_node()
     when = np.array([(sample.stamp_ns - begin) * 1e-9 for sample in samples])
     moving = (when > motion.ramp_time) & (when < motion.duration - motion.ramp_time)
     q = np.array([sample.position for sample in samples])
@@ -168,10 +148,7 @@ def main() -> None:
         '--periods', type=int, default=1, help='number of periods of 10 s per motion'
     )
     options = parser.parse_args()
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     motion = draw_motion(options.seed, options.periods)
-    rclpy.init(args=[])
     headings = ('feedback', 'base', 'uses', 'joints RMS [mrad]', 'joints max [mrad]', 'heard')
     print(LINE.format(*headings))
     for run in RUNS:
@@ -183,7 +160,6 @@ def main() -> None:
         'most 1.5 times\n'
         'as much with the IMU, and more without the IMU.'
     )
-    rclpy.shutdown()
 
 
 if __name__ == '__main__':

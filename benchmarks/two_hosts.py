@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,14 @@ def table(*columns: str) -> None:
 def row(*cells: object) -> None:
     """Print a row of a table."""
     print(f'| {" | ".join(map(str, cells))} |', flush=True)
+
+
+def losses(rig: Rig) -> Iterator[float]:
+    """Set the packet losses per direction one after the other, and none at the end."""
+    for loss in (0.0, 0.05, 0.2):
+        rig.relay.send_line(f'loss {loss}')
+        yield loss
+    rig.relay.send_line('loss 0')
 
 
 def measure_radios(rig: Rig, seconds: float) -> None:
@@ -61,27 +69,24 @@ def measure_radios(rig: Rig, seconds: float) -> None:
     rig.hosts.set_rate('')
 
 
-def measure_stops(rig: Rig, presses: int, losses: Sequence[float] = (0.0, 0.05, 0.2)) -> None:
+def measure_stops(rig: Rig, presses: int) -> None:
     """Print the time from an e-stop on the ground until the arm is damped."""
     table('packet loss per direction', 'e-stops', 'time until damped, median', 'p99', 'longest')
     rig.relay.send_line('delay 0.005')
-    for loss in losses:
-        rig.relay.send_line(f'loss {loss}')
+    for loss in losses(rig):
         times = []
         for _ in range(presses):
             times.append(rig.press())
             rig.clear()
         q50, q99 = np.quantile(times, [0.5, 0.99])
         row(f'{loss:.0%}', presses, f'{q50:.3f} s', f'{q99:.3f} s', f'{max(times):.3f} s')
-    rig.relay.send_line('loss 0')
 
 
 def measure_fresh_stops(rig: Rig, presses: int) -> None:
     """Print the time from the start of `arm e_stop` on the ground until the arm is damped."""
     table('packet loss per direction', '`arm e_stop` started', 'time until damped, median',
           'longest')  # fmt: skip
-    for loss in (0.0, 0.05, 0.2):
-        rig.relay.send_line(f'loss {loss}')
+    for loss in losses(rig):
         times = []
         for _ in range(presses):
             begin = time.monotonic()
@@ -90,7 +95,6 @@ def measure_fresh_stops(rig: Rig, presses: int) -> None:
             process.wait()
             rig.clear()
         row(f'{loss:.0%}', presses, f'{np.median(times):.2f} s', f'{max(times):.2f} s')
-    rig.relay.send_line('loss 0')
 
 
 def measure_cuts(rig: Rig, cuts: Sequence[float]) -> None:
@@ -170,12 +174,10 @@ def measure_discovery(rig: Rig, starts: int) -> None:
     """Print how long a restarted ground computer needs to find its drone."""
     table('packet loss per direction', 'starts', 'drone found after, median', 'longest',
           'longest, including the start of the process')  # fmt: skip
-    for loss in (0.0, 0.05, 0.2):
-        rig.relay.send_line(f'loss {loss}')
+    for loss in losses(rig):
         times = np.array([rig.restart_ground_link() for _ in range(starts)])
         row(f'{loss:.0%}', starts, f'{np.median(times[:, 1]):.3f} s', f'{times[:, 1].max():.3f} s',
             f'{times[:, 0].max():.2f} s')  # fmt: skip
-    rig.relay.send_line('loss 0')
 
 
 def measure_listeners(rig: Rig, starts: int) -> None:

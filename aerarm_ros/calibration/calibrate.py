@@ -131,23 +131,26 @@ class Calibration:
         observations = observations or self.observations
         return errors_of(observations.sources, fit.residuals(observations))
 
+    def before_after(self, observations: Observations) -> tuple[tuple[float, float], ...]:
+        """Return `errors` before and after calibration."""
+        fits = self.registration, self.fit
+        return tuple(self.errors(fit, observations) for fit in fits)
+
     def within(self, observations: Observations) -> Mask:
         """Return a mask (M,) of the postures within the joint ranges of the fitted postures."""
         n = self.fit.geometry.n
-        fitted_to = self.observations.q[:, :n]
+        fitted_to, q = self.observations.q[:, :n], observations.q[:, :n]
         low, high = fitted_to.min(axis=0) - _RANGE_MARGIN, fitted_to.max(axis=0) + _RANGE_MARGIN
-        q = observations.q[:, :n]
         return np.asarray(((q >= low) & (q <= high)).all(axis=1))
 
     def marker_errors(self, observations: Observations) -> dict[str, float]:
         """Return the RMS position error of each marker or body [m]."""
-        found = {}
-        for source, residual in zip(
-            observations.sources, self.fit.residuals(observations), strict=True
-        ):
-            for name, norm in source.norms(residual, 'm').items():
-                found[name] = float(np.sqrt(np.nanmean(norm**2)))
-        return found
+        residuals = self.fit.residuals(observations)
+        return {
+            name: float(np.sqrt(np.nanmean(norm**2)))
+            for source, residual in zip(observations.sources, residuals, strict=True)
+            for name, norm in source.norms(residual, 'm').items()
+        }
 
     def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:
         """Return the estimated error of one kind and its standard deviation, by joint name."""
@@ -208,18 +211,13 @@ def calibrate(
     kinds = LEVELS['geometry' if options.level == 'auto' else options.level]
     kinds = (*kinds, *(('compliance',) if compliance else ()))
     found = identifiable(start, kinds)
-    messages += _hidden(found, geometry)
+    if found.hidden:
+        names = ', '.join(geometry.names[k] for k in found.hidden)
+        messages.append(
+            f'the postures do not determine the errors {names}, which keep their nominal values: '
+            'record postures in which the neighbouring joints move further'
+        )
     return Calibration(chain, start, best, tuple(tried), found, tuple(held_out), messages)
-
-
-def _hidden(found: Identifiable, geometry: ArmGeometry) -> list[str]:
-    names = [geometry.names[k] for k in found.hidden]
-    if not names:
-        return []
-    return [
-        f'the postures do not determine the errors {", ".join(names)}, which keep their nominal '
-        'values: record postures in which the neighbouring joints move further'
-    ]
 
 
 def _without_copies(observations: Observations) -> tuple[Observations, list[str]]:

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.calibration.fit import Fit
+from aerarm_ros.calibration.fit import Fit, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import (
     CalibrationError,
@@ -180,8 +180,7 @@ def _check_distances(names: Sequence[str], positions: Array, labels: Sequence[st
         return
     row, where = int(rows[0]), _where(labels, rows)
     for one, other in pairs:
-        swapped = positions[row].copy()
-        swapped[[one, other]] = swapped[[other, one]]
+        swapped = _exchanged(positions[row], one, other)
         after = np.array([_distances(swapped[None], pair)[0] for pair in pairs])
         if not np.any(np.abs(after - usual) > limit):
             raise _swapped(where, names[one], names[other])
@@ -238,8 +237,7 @@ def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
     predicted = vectors[row] + source.position[row]
     before = float(np.nansum(vectors[row] ** 2))
     for one, other in combinations(range(len(source.names)), 2):
-        swapped = source.position[row].copy()
-        swapped[[one, other]] = swapped[[other, one]]
+        swapped = _exchanged(source.position[row], one, other)
         if float(np.nansum((predicted - swapped) ** 2)) < _EXPLAINED**2 * before:
             raise _swapped(where, source.names[one], source.names[other])
     marker = int(np.nanargmax(off[row]))
@@ -248,6 +246,13 @@ def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
         f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures; leave the cells of '
         'this marker empty in these postures, or remove postures in which the arm moved'
     )
+
+
+def _exchanged(position: Array, one: int, other: int) -> Array:
+    """Return positions (markers, 3) with two markers exchanged."""
+    swapped = position.copy()
+    swapped[[one, other]] = swapped[[other, one]]
+    return swapped
 
 
 def _where(labels: Sequence[str], rows: npt.NDArray[np.intp]) -> str:
@@ -281,8 +286,6 @@ def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
 
 def _turning_back(fit: Fit, typical: float) -> str:
     """Return the joint whose reversed sign would explain most of the misfit; '' if none would."""
-    from aerarm_ros.calibration.fit import registered
-
     observations = fit.observations
     for i, joint in enumerate(fit.geometry.joint_names):
         q = observations.q.copy()

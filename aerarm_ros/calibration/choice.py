@@ -187,10 +187,13 @@ def chosen(
         columns = identifiable(start, kinds).columns
         if not columns or len(columns) >= measured // 2:
             continue
-        whole = _candidate(name, start, columns, noise)
-        smaller = _without_insignificant(whole, start, noise)
-        tried += [whole] if smaller is None else [whole, smaller]
-        other = whole if smaller is None or _predicts_better(whole, smaller) else smaller
+        other = whole = _candidate(name, start, columns, noise)
+        tried.append(whole)
+        if removed := insignificant(whole.fit):
+            kept = [k for k in whole.fit.free if k not in removed]
+            smaller = _candidate(f'{name}, significant ones', start, kept, noise)
+            tried.append(smaller)
+            other = whole if _predicts_better(whole, smaller) else smaller
         if best is None or _predicts_better(other, best):
             best = other
     return best or tried[0], tried
@@ -221,13 +224,14 @@ def insignificant(fit: Fit) -> list[int]:
     count = len(fit.free)
     values = fit.errors[list(fit.free)].copy()
     covariance = fit.covariance[:count, :count].copy()
+    softens = [fit.geometry.names[k].endswith('.compliance') for k in fit.free]
     left = list(range(count))
     removed = []
     while left:
         deviation = np.sqrt(np.maximum(np.diag(covariance)[left], 1e-300))
         ratio = np.abs(values[left]) / deviation
         weakest = left[int(np.argmin(ratio))]
-        implausible = [k for k in left if _is_implausible(fit, k, values[k])]
+        implausible = [k for k in left if softens[k] and values[k] < 0.0]
         if not implausible and ratio.min() >= _SIGNIFICANT:
             break
         weakest = implausible[0] if implausible else weakest
@@ -291,21 +295,6 @@ def _predicts_better(one: Candidate, other: Candidate) -> bool:
     return bool(float(np.mean(gain)) > least)
 
 
-def _without_insignificant(
-    best: Candidate, start: Fit, noise: tuple[float, float]
-) -> Candidate | None:
-    removed = insignificant(best.fit)
-    if not removed:
-        return None
-    kept = [k for k in best.fit.free if k not in removed]
-    return _candidate(f'{best.name}, significant ones', start, kept, noise)
-
-
-def _is_implausible(fit: Fit, place: int, value: float) -> bool:
-    """Return whether the value is a negative compliance of a joint, which is impossible."""
-    return fit.geometry.names[fit.free[place]].endswith('.compliance') and value < 0.0
-
-
 def _has_effect(geometry: ArmGeometry, column: int) -> bool:
     """Return whether the error exists for this joint: prismatic joints have no eccentricity."""
     joint, kind = divmod(column, len(KINDS))
@@ -319,11 +308,7 @@ def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list
     basis = _orthonormal(rows[:, count:])
     found = []
     for place, column in enumerate(wanted):
-        own = rows[:, place]
-        size = float(np.linalg.norm(own))
-        rest = own - basis @ (basis.T @ own)
-        rest -= basis @ (basis.T @ rest)
-        left = float(np.linalg.norm(rest))
+        size, left, rest = _beyond(basis, rows[:, place])
         if left > max(_DEPENDENT * size, weak):
             found.append(column)
             basis = np.column_stack([basis, rest / left])
@@ -335,14 +320,18 @@ def _left_of(rows: Array) -> Array:
     basis = np.zeros((len(rows), 0))
     shares = []
     for own in rows.T:
-        size = float(np.linalg.norm(own))
-        rest = own - basis @ (basis.T @ own)
-        rest -= basis @ (basis.T @ rest)
-        left = float(np.linalg.norm(rest))
+        size, left, rest = _beyond(basis, own)
         shares.append(left / size if size > 0.0 else 0.0)
         if left > _DEPENDENT * max(size, 1e-300):
             basis = np.column_stack([basis, rest / left])
     return np.array(shares)
+
+
+def _beyond(basis: Array, own: Array) -> tuple[float, float, Array]:
+    """Return the lengths of a column and of its part orthogonal to the basis, and this part."""
+    rest = own - basis @ (basis.T @ own)
+    rest -= basis @ (basis.T @ rest)
+    return float(np.linalg.norm(own)), float(np.linalg.norm(rest)), rest
 
 
 def _orthonormal(rows: Array) -> Array:
@@ -362,7 +351,6 @@ def _in_random_postures(start: Fit) -> Fit:
 
 
 def _all_seen(observations: Observations) -> Mask:
-    seen: Mask = np.asarray(np.all([source.seen for source in observations.sources], axis=0))
-    if seen.any():
-        return seen
-    return np.asarray(np.any([source.seen for source in observations.sources], axis=0))
+    seen = [source.seen for source in observations.sources]
+    everywhere: Mask = np.all(seen, axis=0)
+    return everywhere if everywhere.any() else np.asarray(np.any(seen, axis=0))

@@ -155,13 +155,10 @@ def errors_summary(calibration: Calibration) -> dict[str, Any]:
     """Return RMS errors before and after calibration [mm], [mrad] by group of postures."""
     found: dict[str, Any] = {}
     for name, observations in calibration.groups.items():
-        before = calibration.errors(calibration.registration, observations)
-        after = calibration.errors(calibration.fit, observations)
+        errors = np.transpose(calibration.before_after(observations)).ravel()
+        keys = ('before_mm', 'after_mm', 'before_mrad', 'after_mrad')
         found[name] = {
-            'before_mm': _mm(before[0]),
-            'after_mm': _mm(after[0]),
-            'before_mrad': _mm(before[1]),
-            'after_mrad': _mm(after[1]),
+            **dict(zip(keys, map(_mm, errors.tolist()), strict=True)),
             'markers_mm': {
                 key: _mm(value) for key, value in calibration.marker_errors(observations).items()
             },

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import least_squares
 
-from aerarm_ros.calibration.geometry import ArmGeometry, LinkPoses
+from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import Observations
 from aerarm_ros.motion.signals import Array
 
@@ -66,11 +66,20 @@ class Fit:
             for source, state in zip(observations.sources, self.states, strict=True)
         ]
 
-    def jacobian(self, observations: Observations | None = None) -> list[Array]:
-        """Return each source's residual derivatives by errors and unknowns: (M, K, len(names))."""
-        observations = observations or self.observations
+    def jacobian(self) -> list[Array]:
+        """Return the derivatives of `residuals` by the free errors and all unknowns, per source."""
+        observations, free, begin = self.observations, list(self.free), len(self.free)
         poses = self.geometry.poses(observations.q, self.errors, with_jacobian=True)
-        return _jacobians(self, observations, poses)
+        found = []
+        for source, state in zip(observations.sources, self.states, strict=True):
+            by_errors, by_unknowns = source.jacobians(poses, state)
+            jacobian = np.zeros((*by_errors.shape[:2], len(self.names)))
+            end = begin + by_unknowns.shape[2]
+            jacobian[:, :, : len(free)] = by_errors[:, :, free]
+            jacobian[:, :, begin:end] = by_unknowns
+            begin = end
+            found.append(jacobian)
+        return found
 
     @cached_property
     def covariance(self) -> Array:
@@ -147,16 +156,16 @@ def fitted(start: Fit, free: Sequence[int], observations: Observations | None = 
     """
     errors = np.zeros_like(start.errors)
     errors[list(free)] = start.errors[list(free)]
-    fit = Fit(
-        start.geometry,
-        observations or start.observations,
-        tuple(free),
-        errors,
-        start.states,
+    fit = replace(
+        start,
+        observations=observations or start.observations,
+        free=tuple(free),
+        errors=errors,
         # The noise of a fit with fewer errors contains errors of the arm: with such noise the
         # prior outweighs the measurements, and the iteration converges near the URDF.
-        min(start.length, LENGTH),
-        min(start.angle, ANGLE),
+        length=min(start.length, LENGTH),
+        angle=min(start.angle, ANGLE),
+        repeats=1.0,
     )
     for _ in range(_ROUNDS):
         before = np.array([fit.length, fit.angle, fit.repeats])
@@ -173,9 +182,7 @@ def free_columns(fit: Fit, columns: Sequence[int]) -> Array:
     Each row is divided by the measurement noise, and each column is multiplied by the typical
     size of its error: (N, errors + unknowns).
     """
-    probe = Fit(
-        fit.geometry, fit.observations, tuple(columns), fit.errors, fit.states, LENGTH, ANGLE
-    )
+    probe = replace(fit, free=tuple(columns), length=LENGTH, angle=ANGLE)
     rows, _, _ = probe._weighted()
     rows[:, : len(columns)] *= fit.geometry.typical[list(columns)]
     rows[:, len(columns) :] *= _STEP
@@ -187,11 +194,8 @@ def _solved(fit: Fit) -> Fit:
     scales = np.concatenate([typical, np.full(len(fit.names) - len(fit.free), _STEP)])
     prior = typical / np.sqrt(fit.repeats)
 
-    def at(step: Array) -> Fit:
-        return _stepped(fit, step)
-
     def residuals(step: Array) -> Array:
-        there = at(step)
+        there = _stepped(fit, step)
         parts = [
             (r / s.sigma(fit.length, fit.angle))[np.isfinite(r)]
             for r, s in zip(there.residuals(), sources, strict=True)
@@ -199,7 +203,7 @@ def _solved(fit: Fit) -> Fit:
         return np.concatenate([*parts, there.errors[list(fit.free)] / prior])
 
     def jacobian(step: Array) -> Array:
-        there = at(step)
+        there = _stepped(fit, step)
         parts = [
             (j / s.sigma(fit.length, fit.angle)[:, None])[np.isfinite(r)]
             for j, r, s in zip(there.jacobian(), there.residuals(), sources, strict=True)
@@ -220,7 +224,7 @@ def _solved(fit: Fit) -> Fit:
         xtol=1e-9,
         gtol=1e-9,
     )
-    return at(result.x)
+    return _stepped(fit, result.x)
 
 
 def _stepped(fit: Fit, step: Array) -> Fit:
@@ -288,20 +292,6 @@ def _scale(values: Array) -> float:
         return float(np.sqrt(np.mean(values**2)))
     kept = values[np.abs(values) < _OUTLIER * scale]
     return float(np.sqrt(np.mean(kept**2))) * 1.0075 if len(kept) else scale
-
-
-def _jacobians(fit: Fit, observations: Observations, poses: LinkPoses) -> list[Array]:
-    width = len(fit.free) + sum(len(source.unknowns) for source in observations.sources)
-    found, begin = [], len(fit.free)
-    for source, state in zip(observations.sources, fit.states, strict=True):
-        by_errors, by_unknowns = source.jacobians(poses, state)
-        jacobian = np.zeros((*by_errors.shape[:2], width))
-        jacobian[:, :, : len(fit.free)] = by_errors[:, :, list(fit.free)]
-        end = begin + len(source.unknowns)
-        jacobian[:, :, begin:end] = by_unknowns
-        begin = end
-        found.append(jacobian)
-    return found
 
 
 def _inverse(matrix: Array) -> Array:

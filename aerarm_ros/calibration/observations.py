@@ -139,7 +139,7 @@ class MarkerSource(Source):
 
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
         """Return predicted minus measured positions (M, 3 markers) [m]."""
-        rotation, translation, places = _split(state)
+        (rotation, translation), places = base_pose(state), state[12:].reshape(-1, 3)
         in_base = poses.position[:, None] + np.einsum('mij,kj->mki', poses.rotation, places)
         predicted = in_base @ rotation.T + translation
         return np.asarray((predicted - self.position).reshape(len(self.position), -1))
@@ -147,7 +147,7 @@ class MarkerSource(Source):
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """Return the derivatives of the residuals by geometric errors and by the unknowns."""
         assert poses.jacobian is not None
-        rotation, _, places = _split(state)
+        (rotation, _), places = base_pose(state), state[12:].reshape(-1, 3)
         count, markers = len(self.position), len(self.names)
         lever = np.einsum('mij,kj->mki', poses.rotation, places)
         linear, angular = poses.jacobian[:, :3], poses.jacobian[:, 3:]
@@ -195,7 +195,8 @@ class MarkerSource(Source):
     @property
     def seen(self) -> Mask:
         """Mask (M,) of postures with a visible marker."""
-        return np.asarray(np.asarray(np.isfinite(self.position).all(axis=2)).any(axis=1))
+        seen: Mask = np.asarray(np.isfinite(self.position).all(axis=2))
+        return np.asarray(seen.any(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -451,12 +452,8 @@ def _base_names(source: Source) -> tuple[str, ...]:
     return () if source.base_known else tuple(f'{source.name}.base.{axis}' for axis in _AXES)
 
 
-def _split(state: Array) -> tuple[Array, Array, Array]:
-    return state[:9].reshape(3, 3), state[9:12], state[12:].reshape(-1, 3)
-
-
 def _split_poses(state: Array) -> tuple[Array, Array, tuple[Array, Array]]:
-    return state[:9].reshape(3, 3), state[9:12], (state[12:21].reshape(3, 3), state[21:])
+    return *base_pose(state), (state[12:21].reshape(3, 3), state[21:])
 
 
 def _moved_base(state: Array, step: Array) -> Array:

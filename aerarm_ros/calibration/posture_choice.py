@@ -83,10 +83,9 @@ def choose_postures(
     information = np.einsum('mki,mkj->mij', rows, rows)
     chosen = _greedy(information, count)
     chosen = _exchanged(information, chosen)
-    random = list(range(count))
-    gain = _log_determinant(information[chosen].sum(axis=0)) - _log_determinant(
-        information[random].sum(axis=0)
-    )
+    sums = [information[rows].sum(axis=0) for rows in (chosen, range(count))]
+    found, random = np.linalg.slogdet(np.array(sums))[1]
+    gain = float(found - random)
     order = _shortest_way(q[chosen], start)
     return PostureChoice(q[chosen][order], gain / information.shape[1], len(columns))
 
@@ -191,10 +190,6 @@ def _exchanged(information: Array, chosen: list[int]) -> list[int]:
         if not changed:
             break
     return chosen
-
-
-def _log_determinant(matrix: Array) -> float:
-    return float(np.linalg.slogdet(matrix)[1])
 
 
 def _shortest_way(q: Array, start: Array | None) -> list[int]:

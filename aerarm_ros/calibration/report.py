@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from aerarm_ros.calibration.calibrate import Calibration
+from aerarm_ros.calibration.choice import Candidate
 from aerarm_ros.calibration.fit import Fit
 from aerarm_ros.calibration.observations import Observations
-from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import (
     Html,
     bullets,
@@ -82,8 +82,7 @@ def headline(calibration: Calibration) -> str:
     if calibration.held_out:
         held = calibration.held_out[0]
         observations, name = held.observations, f'in {len(held.observations)} held-out postures'
-    before = calibration.errors(calibration.registration, observations)
-    after = calibration.errors(calibration.fit, observations)
+    before, after = calibration.before_after(observations)
     text = (
         f'Position error {name}: {1e3 * before[0]:.2f} mm before, {1e3 * after[0]:.2f} mm after '
         f'calibration ({calibration.best.name}, {len(calibration.fit.free)} estimated errors).'
@@ -103,23 +102,33 @@ def calibration_text(calibration: Calibration) -> str:
     names += [held.name for held in calibration.held_out]
     rows = [names]
     for one in calibration.tried:
-        row = [one.name, str(len(one.fit.free)), _millimetres(one.position)]
-        row.append(_millimetres(calibration.errors(one.fit)[0]))
-        for held in calibration.held_out:
-            row.append(_millimetres(calibration.errors(one.fit, held.observations)[0]))
-        row[0] += ' *' if one is calibration.best else ''
-        rows.append(row)
+        mark = ' *' if one is calibration.best else ''
+        errors = _errors_of(calibration, one)
+        shown = [f'{value:.3f}' if np.isfinite(value) else '-' for value in errors]
+        rows.append([one.name + mark, str(len(one.fit.free)), *shown])
     lines += [text_table(rows), '(RMS position error [mm]; * marks the chosen model)', '']
     for name, observations in _groups(calibration).items():
-        markers = calibration.marker_errors(observations)
-        listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
-        lines.append(f'{name}: {listed} mm{_extrapolation(calibration, observations)}')
+        lines.append(_summed(calibration, name, observations))
     lines.append('')
     estimates = [
         [name, f'{value:+.3f}', f'± {deviation:.3f}', unit]
         for name, value, deviation, unit in _estimates(calibration.fit)
     ]
     return '\n'.join([*lines, text_table(estimates)])
+
+
+def _errors_of(calibration: Calibration, one: Candidate) -> list[float]:
+    """Return position errors [mm] of a model: cross-validation, training and held-out postures."""
+    groups = calibration.groups.values()
+    errors = [calibration.errors(one.fit, group)[0] for group in groups]
+    return [1e3 * value for value in (one.position, *errors)]
+
+
+def _summed(calibration: Calibration, name: str, observations: Observations) -> str:
+    """Return the position errors of the markers in a group of postures as text."""
+    markers = calibration.marker_errors(observations)
+    listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
+    return f'{name}: {listed} mm{_extrapolation(calibration, observations)}'
 
 
 def _extrapolation(calibration: Calibration, observations: Observations) -> str:
@@ -156,8 +165,7 @@ def _groups(calibration: Calibration) -> Mapping[str, Observations]:
 def _error_table(calibration: Calibration) -> Html:
     rows = []
     for name, observations in _groups(calibration).items():
-        before = calibration.errors(calibration.registration, observations)
-        after = calibration.errors(calibration.fit, observations)
+        before, after = calibration.before_after(observations)
         largest = _largest(calibration.fit, observations)
         rows.append([name, 1e3 * before[0], 1e3 * after[0], 1e3 * largest,
                      1e3 * before[1], 1e3 * after[1]])  # fmt: skip
@@ -168,11 +176,12 @@ def _error_table(calibration: Calibration) -> Html:
 
 def _largest(fit: Fit, observations: Observations) -> float:
     """Return the largest position error after calibration [m]."""
-    largest = 0.0
-    for source, residual in zip(observations.sources, fit.residuals(observations), strict=True):
-        for norm in source.norms(residual, 'm').values():
-            largest = max(largest, float(np.nanmax(norm, initial=0.0)))
-    return largest
+    norms = [
+        norm
+        for source, residual in zip(observations.sources, fit.residuals(observations), strict=True)
+        for norm in source.norms(residual, 'm').values()
+    ]
+    return float(np.nanmax(np.concatenate(norms), initial=0.0)) if norms else 0.0
 
 
 def _channel_tables(calibration: Calibration) -> Html:
@@ -183,30 +192,19 @@ def _channel_tables(calibration: Calibration) -> Html:
         before = calibration.registration.residuals(observations)
         for source, one, other in zip(observations.sources, before, after, strict=True):
             for k, (channel, unit) in enumerate(source.channels):
-                rows.append(
-                    [channel, _root(one[:, k]), _root(other[:, k]), _mean(other[:, k]), f'm{unit}']
-                )
+                roots = [1e3 * float(np.sqrt(np.nanmean(x[:, k] ** 2))) for x in (one, other)]
+                mean = 1e3 * float(np.nanmean(other[:, k]))
+                rows.append([channel, *roots, mean, f'm{unit}'])
         headings = ['channel', 'RMS before', 'RMS after', 'mean after', 'unit']
-        markers = calibration.marker_errors(observations)
-        listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
-        summed = f'{name}: {listed} mm{_extrapolation(calibration, observations)}'
-        parts += [paragraph(summed), table(headings, rows)]
+        parts += [paragraph(_summed(calibration, name, observations)), table(headings, rows)]
     return Html(''.join(parts))
-
-
-def _root(values: Array) -> float:
-    return 1e3 * float(np.sqrt(np.nanmean(values**2)))
-
-
-def _mean(values: Array) -> float:
-    return 1e3 * float(np.nanmean(values))
 
 
 def _posture_figure(calibration: Calibration) -> Html:
     observations = calibration.observations
     traces: list[dict[str, Any]] = []
     for name, fit in (('before', calibration.registration), ('after', calibration.fit)):
-        errors = np.array([_largest(fit, observations.rows([k])) for k in range(len(observations))])
+        errors = [_largest(fit, observations.rows([k])) for k in range(len(observations))]
         traces.append(
             {
                 'type': 'scatter',
@@ -227,13 +225,8 @@ def _posture_figure(calibration: Calibration) -> Html:
 def _candidate_table(calibration: Calibration) -> Html:
     rows: list[list[object]] = []
     for one in calibration.tried:
-        held = [
-            1e3 * calibration.errors(one.fit, other.observations)[0]
-            for other in calibration.held_out
-        ]
-        training = 1e3 * calibration.errors(one.fit)[0]
         count = Html(str(len(one.fit.free)))
-        rows.append([one.name, count, 1e3 * one.position, training, *held])
+        rows.append([one.name, count, *_errors_of(calibration, one)])
     headings = ['model', 'errors', 'cross-validation [mm]', 'training [mm]']
     headings += [f'{held.name} [mm]' for held in calibration.held_out]
     return table(headings, rows, best=[list(calibration.tried).index(calibration.best)])
@@ -268,7 +261,3 @@ def _as_drawn(calibration: Calibration) -> Html:
         for title, listed in zip(titles, calibration.as_drawn.values(), strict=True)
     ]
     return Html(''.join([*parts, paragraph(_ABSORBED, 'note')]))
-
-
-def _millimetres(value: float) -> str:
-    return f'{1e3 * value:.3f}' if np.isfinite(value) else '-'

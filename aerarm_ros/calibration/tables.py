@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.table_file import (
+    TableColumn,
     column_names,
     some_names,
     split_unit,
@@ -187,41 +188,36 @@ class _Reader:
             stated = unit or ('m' if is_length else self._angle_unit)
             self._add_joint(bare, name, factor * values, stated)
             return True
-        try:
-            column = table_column(name)
-        except IdentificationError:
-            return False
+        column = _known_column(name)
         if column is None:
             return False
         if column.quantity == 'time':
             self._table.time = column.factor * values
             return True
         joint = self._rename.get(column.joint, column.joint)
-        if column.quantity == 'position' and joint in self._known:
-            factor = column.factor if column.unit else self._angle(name, '', also_lengths=True)
-            self._add_joint(joint, name, factor * values, column.unit or self._angle_unit)
-            return True
-        return False
+        if column.quantity != 'position' or joint not in self._known:
+            return False
+        self._add_position(joint, name, values, column)
+        return True
 
     def _numbered_joints(self, columns: Mapping[str, Array]) -> None:
         """Assign `q1 ... qn` to the joints of the URDF in order, if no column names a joint."""
         if self._table.joints:
             return
-        numbered = []
-        for name in columns:
-            try:
-                column = table_column(name)
-            except IdentificationError:
-                continue
-            if column is not None and column.quantity == 'position' and column.number is not None:
-                numbered.append((column.number, name, column))
-        if len(numbered) != len(self._known):
-            return
-        for joint, (_, name, column) in zip(self._known, sorted(numbered), strict=True):
-            factor = column.factor if column.unit else self._angle(name, '', also_lengths=True)
-            values = factor * columns[name]
-            self._add_joint(joint, name, values, column.unit or self._angle_unit)
-            self._table.unused.remove(name)
+        found = [(_known_column(name), name) for name in columns]
+        numbered = [
+            (column.number, name, column)
+            for column, name in found
+            if column and column.quantity == 'position' and column.number is not None
+        ]
+        if len(numbered) == len(self._known):
+            for joint, (_, name, column) in zip(self._known, sorted(numbered), strict=True):
+                self._add_position(joint, name, columns[name], column)
+                self._table.unused.remove(name)
+
+    def _add_position(self, joint: str, name: str, values: Array, column: TableColumn) -> None:
+        factor = column.factor if column.unit else self._angle(name, '', also_lengths=True)
+        self._add_joint(joint, name, factor * values, column.unit or self._angle_unit)
 
     def _add_joint(self, joint: str, column: str, values: Array, unit: str) -> None:
         if joint in self._table.joints:
@@ -304,10 +300,17 @@ class _Reader:
         self._table.measured[label] = Measured(position, rotation, used)
 
 
+def _known_column(name: str) -> TableColumn | None:
+    try:
+        return table_column(name)
+    except IdentificationError:
+        return None
+
+
 def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
     """Return rotations (M, 3, 3) from quaternions, or from roll, pitch and yaw; None if missing."""
     for keys in (('qx', 'qy', 'qz', 'qw'), _ANGLES):
-        if not all(key in axes for key in keys):
+        if not axes.keys() >= set(keys):
             continue
         values = np.column_stack([axes[key][2] * axes[key][1] for key in keys])
         seen = np.isfinite(values).all(axis=1)

@@ -20,13 +20,7 @@ from aerarm_ros.description.config_reader import (
     load,
     section,
 )
-from aerarm_ros.description.drive_config import (
-    GearConfig,
-    JointConfig,
-    MotorConfig,
-    ThermalConfig,
-    torque_constant,
-)
+from aerarm_ros.description.drive_config import GearConfig, JointConfig, MotorConfig, ThermalConfig
 from aerarm_ros.motion.signals import Array
 
 ENCODERS = ('incremental', 'absolute')
@@ -106,20 +100,6 @@ class PowerStageConfig:
                 f'power_stage: voltage_min = {self.voltage_min} must be below voltage_max = '
                 f'{self.voltage_max}'
             )
-
-
-__all__ = [
-    'ArmConfig',
-    'BoardConfig',
-    'ConfigError',
-    'DriveTrain',
-    'GearConfig',
-    'JointConfig',
-    'MotorConfig',
-    'PowerStageConfig',
-    'load_arm_config',
-    'torque_constant',
-]
 
 
 @dataclass(frozen=True, slots=True)

@@ -332,20 +332,17 @@ def build(config: type[Config], where: str, entry: Any, **given: Any) -> Config:
     return config(**converted)
 
 
+_PLAIN = {bool: 'true or false', int: 'a whole number'}
+
+
 def _convert(where: str, value: Any, hint: Any) -> Any:
     if isinstance(hint, types.UnionType):
         inner = [option for option in get_args(hint) if option is not types.NoneType]
         return None if value is None else _convert(where, value, inner[0])
     if hint is float:
         return _number(where, value)
-    if hint is bool:
-        if not isinstance(value, bool):
-            raise ConfigError(f'{where} must be true or false, not {value!r}')
-        return value
-    if hint is int:
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise ConfigError(f'{where} must be a whole number, not {value!r}')
-        return value
+    if hint in _PLAIN and type(value) is not hint:
+        raise ConfigError(f'{where} must be {_PLAIN[hint]}, not {value!r}')
     if get_origin(hint) is tuple and get_args(hint)[0] is float:
         if not isinstance(value, list | tuple):
             raise ConfigError(f'{where} must be a list of numbers, not {value!r}')

@@ -267,14 +267,9 @@ class DroneConfig:
         centre = np.array(self.mount.position) + self.mount.rotation @ np.asarray(centre_in_base)
         total = self.mass + mass
         middle = (self.mass * np.array(self.centre_of_mass) + mass * centre) / total
-        share = self._liftable_share(total, middle)
-        if share < THRUST_RESERVE:
-            raise ConfigError(
-                f'drone {self.name}: with level rotors its largest thrust is {share:.2f} times the '
-                f'weight of drone and arm ({self.mass:g} + {mass:.3g} kg), below the minimum of '
-                f'{THRUST_RESERVE:g} times; check thrust_max, thrust_min and mass, or use '
-                'stronger rotors, a lighter arm, or a central mount'
-            )
+        weight = f'the weight of drone and arm ({self.mass:g} + {mass:.3g} kg)'
+        advice = ', or use stronger rotors, a lighter arm, or a central mount'
+        self._check_lift(total, middle, f'drone {self.name}', weight, advice)
 
     @property
     def _arm_length(self) -> float:
@@ -290,8 +285,10 @@ class DroneConfig:
         hubs = np.array([rotor.position for rotor in self.rotors]) - centre
         return float(np.linalg.norm(np.vstack([corner, hubs]), axis=1).max())
 
-    def _liftable_share(self, mass: float, centre: Array) -> float:
-        """Return the largest vertical force without moment, relative to the weight [-]."""
+    def _check_lift(
+        self, mass: float, centre: Array, owner: str, weighed: str, advice: str = ''
+    ) -> None:
+        """Compare the largest vertical force without moment with the weight."""
         from scipy.optimize import linprog  # slow import, needed only for checks of files
 
         weight = np.array([0.0, 0.0, mass * GRAVITY])
@@ -304,7 +301,13 @@ class DroneConfig:
             b_eq=np.zeros(6),
             bounds=[*bounds, (0.0, None)],
         )
-        return max(0.0, -float(result.fun)) if result.success else 0.0
+        share = max(0.0, -float(result.fun)) if result.success else 0.0
+        if share < THRUST_RESERVE:
+            raise ConfigError(
+                f'{owner}: with level rotors its largest thrust is {share:.2f} times {weighed}, '
+                f'below the minimum of {THRUST_RESERVE:g} times; check thrust_max, thrust_min and '
+                f'mass{advice}'
+            )
 
     def _check_inertia(self) -> None:
         if len(self.inertia) != 6:
@@ -360,13 +363,8 @@ class DroneConfig:
                 'drone: these rotors cannot produce thrust and the three moments independently; '
                 'check their positions, axes and the signs of moment_per_thrust'
             )
-        share = self._liftable_share(self.mass, np.array(self.centre_of_mass))
-        if share < THRUST_RESERVE:
-            raise ConfigError(
-                f'drone: with level rotors its largest thrust is {share:.2f} times its weight '
-                f'({self.mass:g} kg), below the minimum of {THRUST_RESERVE:g} times; check '
-                'thrust_max, thrust_min and mass'
-            )
+        weight = f'its weight ({self.mass:g} kg)'
+        self._check_lift(self.mass, np.array(self.centre_of_mass), 'drone', weight)
 
 
 def load_drone_config(path: Path | str | None = None) -> DroneConfig:

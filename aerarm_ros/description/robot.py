@@ -17,8 +17,6 @@ from aerarm_ros.description.resources import find_file, resource
 from aerarm_ros.description.urdf_document import LARGEST, UrdfDocument, UrdfJoint
 from aerarm_ros.motion.signals import Array
 
-__all__ = ['DescriptionError', 'Robot', 'load_robot']
-
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 

@@ -181,7 +181,9 @@ class BenchMotion:
         begin = self._time
         for _ in range(plan.runs):
             for end in (self._posture + half, self._posture - half):
-                self._run(joint, end, name)
+                self._move(
+                    end, f'{name} acceleration', _VELOCITY_SHARE, plan.acceleration_share, 0.1
+                )
         if plan.runs:
             self.measurements.append(BenchMeasurement(joint, None, begin, self._time))
         if plan.swings:
@@ -203,17 +205,7 @@ class BenchMotion:
         signed = float(np.copysign(speed, travel))
         self.measurements.append(BenchMeasurement(joint, signed, begin, begin + steady))
         self._add(f'{name} {signed:+.2f} rad/s', stroke)
-        self._rest(name)
-
-    def _run(self, joint: int, end: Array, name: str) -> None:
-        plan, limits = self._plan, self._limits
-        duration = rest_to_rest_duration(
-            end - self._at,
-            _VELOCITY_SHARE * limits.velocity,
-            plan.acceleration_share * limits.acceleration,
-            minimum=0.1,
-        )
-        self._add(f'{name} acceleration', transfer(self._at, end, duration))
+        self._add(name, transfer(self._at, self._at, _REST))
 
     def _swing(self, joint: int, name: str) -> None:
         plan, limits = self._plan, self._limits
@@ -231,18 +223,21 @@ class BenchMotion:
         )
         self._add(f'{name} swings', swings)
 
-    def _move(self, end: Array) -> None:
-        """Append a motion to the posture `end`; the bench does not evaluate this motion."""
+    def _move(
+        self,
+        end: Array,
+        name: str = 'transfer',
+        velocity_share: float = _TRANSFER_SHARE,
+        acceleration_share: float = _TRANSFER_SHARE,
+        shortest: float = _SHORTEST_TRANSFER,
+    ) -> None:
+        """Append a motion to the posture `end` with shares of the limits."""
+        limits = self._limits
+        velocity, acceleration = velocity_share * limits.velocity, limits.acceleration
         duration = rest_to_rest_duration(
-            end - self._at,
-            _TRANSFER_SHARE * self._limits.velocity,
-            _TRANSFER_SHARE * self._limits.acceleration,
-            _SHORTEST_TRANSFER,
+            end - self._at, velocity, acceleration_share * acceleration, shortest
         )
-        self._add('transfer', transfer(self._at, end, duration))
-
-    def _rest(self, name: str) -> None:
-        self._add(name, transfer(self._at, self._at, _REST))
+        self._add(name, transfer(self._at, end, duration))
 
     def _add(self, name: str, motion: JointMotion) -> None:
         self._stages.append(Stage(name, motion))

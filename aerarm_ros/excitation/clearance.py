@@ -154,27 +154,8 @@ _BUILT_CLOSE = 1.25
 """Links count as close by design if their distance stays below this multiple of the clearance."""
 
 
-@dataclass(frozen=True)
 class CollisionPairs:
-    """Required distances of the checked pairs of shapes, and notes on other pairs.
-
-    Parameters
-    ----------
-    required : (pairs,) required distance of each pair [m].
-    notes : texts on pairs that are not checked, or have less than the requested clearance.
-    """
-
-    required: Array
-    notes: tuple[str, ...]
-
-
-def select_pairs(
-    robot: Robot,
-    geometry: pin.GeometryModel,
-    clearance: tuple[float, float],
-    unchecked: Sequence[str] = (),
-) -> CollisionPairs:
-    """Add to `geometry` the pairs of shapes whose distance a motion must keep.
+    """Pairs of shapes whose distance a motion must keep; the class adds them to the geometry.
 
     Two kinds of pairs are excluded: moving links connected by one joint, which touch by design,
     and shapes whose distance is constant, for example the ground and a column that turns on the
@@ -190,18 +171,18 @@ def select_pairs(
         between link and ground.
     unchecked : pairs of links excluded by the user, each as 'one to other'.
 
+    Attributes
+    ----------
+    required : (pairs,) required distance of each pair [m].
+    notes : texts on pairs that are not checked, or have less than the requested clearance, as the
+        keys of a dictionary: one per pair of links, independent of the number of shapes.
+
     Raises
     ------
     ExcitationError
         If a pair of `unchecked` does not exist, or a pair cannot keep its clearance in any posture,
         so that no motion is feasible.
     """
-    selection = _Selection(robot, geometry, clearance, unchecked)
-    return selection.apply()
-
-
-class _Selection:
-    """Selection of the pairs of shapes whose distance is checked, for `select_pairs`."""
 
     def __init__(
         self,
@@ -210,27 +191,22 @@ class _Selection:
         clearance: tuple[float, float],
         unchecked: Sequence[str],
     ) -> None:
-        self._robot, self._geometry = robot, geometry
-        self._own_clearance, self._ground_clearance = clearance
+        self._robot, self._geometry, self._clearance = robot, geometry, clearance
         self._links = [
             link_of(robot.model, geometry, shape) for shape in range(len(geometry.geometryObjects))
         ]
         self._unchecked = self._read_unchecked(unchecked)
         self._base = robot.joints[0].parent
-        # A dictionary keeps one note per pair of links, independent of the number of shapes.
-        self._notes: dict[str, None] = {}
-
-    def apply(self) -> CollisionPairs:
+        self.notes: dict[str, None] = {}
         candidates = self._candidates()
         distances = self._distances(candidates)
-        kept, required = [], []
-        for pair, distance in zip(candidates, distances.T, strict=True):
-            keep = self._required(pair, distance)
-            if keep is not None:
-                kept.append(pair)
-                required.append(keep)
-        self._replace_pairs(kept)
-        return CollisionPairs(np.array(required), tuple(self._notes))
+        required = {
+            pair: keep
+            for pair, distance in zip(candidates, distances.T, strict=True)
+            if (keep := self._required(pair, distance)) is not None
+        }
+        self._replace_pairs(list(required))
+        self.required = np.array(list(required.values()))
 
     def _candidates(self) -> list[pin.CollisionPair]:
         """Return all pairs of shapes, except two moving links connected by one joint."""
@@ -259,7 +235,7 @@ class _Selection:
 
     def _required(self, pair: pin.CollisionPair, distance: Array) -> float | None:
         """Return the required distance of a pair [m]; None if the pair is not checked."""
-        wanted = self._wanted(pair)
+        wanted = self._clearance[touches_ground(self._geometry, pair)]
         nearest, farthest = float(distance.min()), float(distance.max())
         if frozenset(self._names(pair)) in self._unchecked:
             self._note(pair, 'not checked, because the pair is in unchecked_pairs')
@@ -270,7 +246,7 @@ class _Selection:
                     pair, f'not checked, because the distance is {nearest:.3g} m in every posture'
                 )
             return None
-        if farthest < 0.0 and self._is_base_and_link_1(pair):
+        if farthest < 0.0 and set(self._names(pair)) == {self._base, self._robot.link_names[0]}:
             self._note(
                 pair,
                 'not checked, because joint 1 connects both links, and they overlap in every '
@@ -306,13 +282,6 @@ class _Selection:
             'pair to unchecked_pairs of the excitation configuration'
         )
 
-    def _wanted(self, pair: pin.CollisionPair) -> float:
-        ground = touches_ground(self._geometry, pair)
-        return self._ground_clearance if ground else self._own_clearance
-
-    def _is_base_and_link_1(self, pair: pin.CollisionPair) -> bool:
-        return set(self._names(pair)) == {self._base, self._robot.link_names[0]}
-
     def _both_of_the_arm(self, pair: pin.CollisionPair) -> bool:
         """Return whether both shapes belong to links of the arm; False for base and link 1."""
         shapes = [self._geometry.geometryObjects[i] for i in (pair.first, pair.second)]
@@ -323,7 +292,7 @@ class _Selection:
         return self._links[pair.first], self._links[pair.second]
 
     def _note(self, pair: pin.CollisionPair, text: str) -> None:
-        self._notes[f'{" to ".join(self._names(pair))}: {text}'] = None
+        self.notes[f'{" to ".join(self._names(pair))}: {text}'] = None
 
     def _replace_pairs(self, pairs: Sequence[pin.CollisionPair]) -> None:
         self._geometry.removeAllCollisionPairs()
@@ -375,7 +344,7 @@ class ClearanceChecker:
     ground_clearance : required distance between moving links and the ground [m].
     ground_height : see `build_collision_geometry`; None without ground.
     package_directories : see `build_collision_geometry`.
-    unchecked_pairs : see `select_pairs`.
+    unchecked_pairs : see `CollisionPairs`.
 
     Raises
     ------
@@ -404,15 +373,18 @@ class ClearanceChecker:
         self._model = robot.model
         self._data = robot.model.createData()
         self._geometry = build_collision_geometry(robot, ground_height, package_directories)
-        selected = select_pairs(robot, self._geometry, required, unchecked_pairs)
-        self._required = selected.required
-        self.notes = selected.notes
+        selected = CollisionPairs(robot, self._geometry, required, unchecked_pairs)
+        self.required = selected.required
+        """Required distance of each pair [m], (pairs,)."""
+        self.notes = tuple(selected.notes)
         """Texts about pairs that are not checked or keep less than the requested clearance."""
         self._geometry_data = pin.GeometryData(self._geometry)
         # References into the geometry data are stored once, because indexing takes longer than
         # computing all distances.
-        self._results = [self._geometry_data.distanceResults[i] for i in range(len(self._required))]
+        self._results = [self._geometry_data.distanceResults[i] for i in range(len(self.required))]
         self._bounds = motion_bounds(self._model, self._geometry)
+        self.steepest: Array = self._bounds.max(axis=0)
+        """Upper bounds (n,) [m/rad] of the distance change per joint angle, over all pairs."""
         ground = np.array(
             [touches_ground(self._geometry, pair) for pair in self._geometry.collisionPairs],
             dtype=bool,
@@ -437,16 +409,6 @@ class ClearanceChecker:
         """Collision shapes, with meshes as convex hulls, and the ground if present."""
         return list(self._geometry.geometryObjects)
 
-    @property
-    def required(self) -> Array:
-        """Required distance of each pair [m], (pairs,)."""
-        return self._required
-
-    @property
-    def steepest(self) -> Array:
-        """Upper bounds (n,) [m/rad] of the distance change per joint angle, over all pairs."""
-        return np.asarray(self._bounds.max(axis=0))
-
     def distances(self, q: Array) -> Array:
         """Return the distance of each pair (pairs,) [m] at q (n,) [rad]; negative for overlap."""
         pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
@@ -454,7 +416,7 @@ class ClearanceChecker:
 
     def margin(self, q: Array) -> float:
         """Return the smallest margin, distance minus required distance, at q (n,) [m]."""
-        return float((self.distances(q) - self._required).min())
+        return float((self.distances(q) - self.required).min())
 
     def margin_gradient(self, q: Array) -> Array:
         """Return the derivative of `margin` with respect to the joint positions, (n,) [m/rad].
@@ -462,7 +424,7 @@ class ClearanceChecker:
         The derivative equals the relative velocity of the two nearest points along their connecting
         line.
         """
-        pair = int((self.distances(q) - self._required).argmin())
+        pair = int((self.distances(q) - self.required).argmin())
         result, shapes = self._results[pair], self._geometry.collisionPairs[pair]
         pin.computeJointJacobians(self._model, self._data, q)
         first = self._point_jacobian(shapes.first, result.getNearestPoint1())
@@ -501,7 +463,7 @@ class ClearanceChecker:
             low, high = intervals.popleft()
             middle = (low + high) // 2
             travel = np.abs(positions[low : high + 1] - positions[middle]).max(axis=0)
-            margin = self.distances(positions[middle]) - self._required
+            margin = self.distances(positions[middle]) - self.required
             bound = margin - self._bounds @ travel
             for kind, rows in self._kinds.items():
                 worst[kind].see(margin, rows, middle)
@@ -525,7 +487,7 @@ class ClearanceChecker:
 
     def _clearance(self, worst: _Worst) -> Clearance:
         first, second = self.pairs[worst.pair]
-        required = float(self._required[worst.pair])
+        required = float(self.required[worst.pair])
         return Clearance(
             f'{first} to {second}',
             required + worst.margin,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -155,49 +155,30 @@ def information(stacked: Array) -> Array:
     return np.asarray(rows.T @ rows / len(stacked))
 
 
-class BoundedCriterion:
-    """Smooth penalty for values of another criterion above a limit.
+class BothCriterion:
+    """Criterion plus twice a smooth penalty for values of another criterion above a limit.
 
     The penalty log(1 + exp(s (value - limit))) / s, with s = 20, is almost zero below the limit and
     rises with slope one above the limit.
 
     Parameters
     ----------
-    criterion : criterion to keep below the limit.
-    limit : value of the criterion above which the penalty acts.
+    criterion : criterion to minimize.
+    bounded : criterion to keep below the limit.
+    limit : value of the bounded criterion above which the penalty acts.
     """
 
-    def __init__(self, criterion: DesignCriterion, limit: float) -> None:
-        self._criterion = criterion
-        self._limit = limit
+    def __init__(self, criterion: DesignCriterion, bounded: DesignCriterion, limit: float) -> None:
+        self._criterion, self._bounded, self._limit = criterion, bounded, limit
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the penalty and its derivative by the regressor."""
+        """Return the sum and its derivative by the regressor."""
         value, gradient = self._criterion.evaluate(stacked)
-        excess = _SHARPNESS * (value - self._limit)
+        other, other_gradient = self._bounded.evaluate(stacked)
+        excess = _SHARPNESS * (other - self._limit)
         slope = float(np.exp(-np.logaddexp(0.0, -excess)))
-        return float(np.logaddexp(0.0, excess)) / _SHARPNESS, slope * gradient
-
-
-class CombinedCriterion:
-    """Weighted sum of criteria, each of them a logarithm.
-
-    Parameters
-    ----------
-    parts : (weight, criterion) pairs.
-    """
-
-    def __init__(self, parts: Sequence[tuple[float, DesignCriterion]]) -> None:
-        self._parts = tuple(parts)
-
-    def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the weighted sum and its derivative by the regressor."""
-        value, gradient = 0.0, np.zeros_like(stacked)
-        for weight, criterion in self._parts:
-            part, part_gradient = criterion.evaluate(stacked)
-            value += weight * part
-            gradient += weight * part_gradient
-        return value, gradient
+        penalty = float(np.logaddexp(0.0, excess)) / _SHARPNESS
+        return value + 2.0 * penalty, gradient + 2.0 * (slope * other_gradient)
 
 
 class ConditionCriterion:

@@ -57,31 +57,25 @@ def _points(geometry: Any) -> Array | None:
         return np.asarray(corners * np.asarray(geometry.halfSide))
     if hasattr(geometry, 'points'):
         return _outermost(np.asarray(geometry.points()))
+    if not hasattr(geometry, 'radius'):
+        return None
     angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    if hasattr(geometry, 'halfLength'):
-        rounded = geometry.getNodeType() == pin.hppfcl.NODE_TYPE.GEOM_CAPSULE
-        rings = _ball_rings() if rounded else [(1.0, 0.0)]
-        half = geometry.halfLength
-        parts: list[Array] = [
+    half = getattr(geometry, 'halfLength', 0.0)
+    rounded = geometry.getNodeType() == pin.hppfcl.NODE_TYPE.GEOM_CAPSULE or not half
+    latitudes = np.linspace(0.0, 0.5 * np.pi, 4) if rounded else [0.0]
+    return np.concatenate(
+        [
             np.column_stack(
                 [
-                    geometry.radius * ring * circle,
-                    np.full(len(circle), side * (half + geometry.radius * height)),
+                    geometry.radius * max(float(np.cos(latitude)), 1e-3) * circle,
+                    np.full(len(circle), side * (half + geometry.radius * np.sin(latitude))),
                 ]
             )
             for side in (-1.0, 1.0)
-            for ring, height in rings
+            for latitude in latitudes
         ]
-        return np.concatenate(parts)
-    if hasattr(geometry, 'radius'):
-        parts = [
-            np.column_stack([ring * circle, np.full(len(circle), side * height)])
-            for side in (-1.0, 1.0)
-            for ring, height in _ball_rings()
-        ]
-        return np.asarray(geometry.radius * np.concatenate(parts))
-    return None
+    )
 
 
 def _outermost(points: Array) -> Array:
@@ -97,12 +91,6 @@ def _outermost(points: Array) -> Array:
     ring = np.sqrt(1.0 - height**2)
     directions = np.stack([ring * np.cos(angle), ring * np.sin(angle), height])
     return np.asarray(points[np.unique((points @ directions).argmax(axis=0))])
-
-
-def _ball_rings() -> list[tuple[float, float]]:
-    """Return the radii and heights of circles on the upper half of the unit sphere."""
-    latitudes = np.linspace(0.0, 0.5 * np.pi, 4)
-    return [(max(float(np.cos(a)), 1e-3), float(np.sin(a))) for a in latitudes]
 
 
 _COLOURS = ('#444b54', '#d9722e', '#8a8f98', '#d9a62e', '#5b8fb9', '#7fb069', '#b5838d', '#6d597a')
@@ -161,9 +149,8 @@ class ArmAnimation:
             scene=scene(),
             height=680,
             margin={'l': 0, 'r': 20, 't': 20, 'b': 130},
-            updatemenus=[_buttons()],
-            sliders=[_slider([frame.name for frame in figure.frames])],
-        )  # fmt: skip
+            **playback([frame.name for frame in figure.frames], 120),
+        )
         return figure
 
     def _farthest_frame(self) -> int:
@@ -222,26 +209,19 @@ def scene() -> dict[str, object]:
     return {'aspectmode': 'data', 'camera': camera, **axes}
 
 
-def _buttons() -> dict[str, object]:
-    play = {'frame': {'duration': 120, 'redraw': True}, 'fromcurrent': True}
+def playback(names: list[str], milliseconds: int) -> dict[str, object]:
+    """Return the layout with buttons and slider of an animation, by the names of its frames."""
+    play = {'frame': {'duration': milliseconds, 'redraw': True}, 'fromcurrent': True}
     pause = {'frame': {'duration': 0, 'redraw': False}, 'mode': 'immediate'}
-    return {
-        'type': 'buttons',
-        'direction': 'left',
-        'x': 0.13,
-        'y': -0.02,
-        'yanchor': 'top',
-        'buttons': [
-            {'label': 'Play', 'method': 'animate', 'args': [None, play]},
-            {'label': 'Pause', 'method': 'animate', 'args': [[None], pause]},
-        ],
-    }
-
-
-def _slider(names: list[str]) -> dict[str, object]:
     jump = {'frame': {'duration': 0, 'redraw': True}, 'mode': 'immediate'}
+    buttons = [
+        {'label': 'Play', 'method': 'animate', 'args': [None, play]},
+        {'label': 'Pause', 'method': 'animate', 'args': [[None], pause]},
+    ]
     steps = [{'label': name, 'method': 'animate', 'args': [[name], jump]} for name in names]
-    return {'currentvalue': {'prefix': 't [s] = '}, 'steps': steps, 'x': 0.15, 'len': 0.85}
+    place = {'type': 'buttons', 'direction': 'left', 'x': 0.13, 'y': -0.02, 'yanchor': 'top'}
+    slider = {'currentvalue': {'prefix': 't [s] = '}, 'steps': steps, 'x': 0.15, 'len': 0.85}
+    return {'updatemenus': [{**place, 'buttons': buttons}], 'sliders': [slider]}
 
 
 _STEP = 0.02
@@ -283,25 +263,26 @@ class Preview:
         write_design(path, self._page())
 
     def _page(self) -> str:
+        trajectory = (
+            'One period of the trajectory, with run-in and run-out. Dashed lines: limits of the '
+            'excitation. Click a joint to hide it.'
+        )
+        workspace = (
+            f'Path of {self._animation.tool_name} in the base frame, and the covered fraction of '
+            'each joint range.'
+        )
+        parameters = (
+            'Expected standard deviation of the identifiable part of each parameter, after one '
+            'period at 1 kHz with white torque noise. Smaller is better. A parameter without a '
+            'bar cannot be identified from any motion of this arm.'
+        )
+        animation = self._animation.figure(self._times, self._states.q)
         sections = [
-            ('Trajectory', [self._trajectory()], 'One period of the trajectory, with run-in and '
-                                                 'run-out. Dashed lines: limits of the '
-                                                 'excitation. Click a joint to hide it.'),
-            ('Workspace', [self._path(), self._coverage()], 'Path of '
-                                                            f'{self._animation.tool_name} in the '
-                                                            'base frame, and the covered '
-                                                            'fraction of each joint range.'),
-            ('Excitation of each parameter', [self._deviations()], 'Expected standard deviation '
-                                                                   'of the identifiable part of '
-                                                                   'each parameter, after one '
-                                                                   'period at 1 kHz with white '
-                                                                   'torque noise. Smaller is '
-                                                                   'better. A parameter without '
-                                                                   'a bar cannot be identified '
-                                                                   'from any motion of this arm.'),
-            ('Animation', [self._animation.figure(self._times, self._states.q)],
-             'Collision shapes in the postures of the trajectory.'),
-        ]  # fmt: skip
+            ('Trajectory', [self._trajectory()], trajectory),
+            ('Workspace', [self._path(), self._coverage()], workspace),
+            ('Excitation of each parameter', [self._deviations()], parameters),
+            ('Animation', [animation], 'Collision shapes in the postures of the trajectory.'),
+        ]
         body: list[str] = [*self._summary()]
         for title, figures, text in sections:
             body.append(section(title, paragraph(text, 'note'), *map(plotly_figure, figures)))

@@ -220,10 +220,6 @@ class ExcitationConfig:
         check_range('excitation', 'ramp_time', self.ramp_time, 0.1, 60.0, 's')
         if self.ground_height is not None:
             check_range('excitation', 'ground_height', self.ground_height, -100.0, 100.0, 'm')
-        if not isinstance(self.check_clearance, bool):
-            raise ConfigError(
-                f'excitation: check_clearance must be true or false, not {self.check_clearance!r}'
-            )
         pairs = self.unchecked_pairs
         if not isinstance(pairs, list | tuple) or not all(isinstance(pair, str) for pair in pairs):
             raise ConfigError("excitation: unchecked_pairs must be a list of 'one to other'")

@@ -11,8 +11,7 @@ import numpy as np
 import scipy
 
 from aerarm_ros.excitation.criteria import (
-    BoundedCriterion,
-    CombinedCriterion,
+    BothCriterion,
     ConditionCriterion,
     DesignCriterion,
     IdentifiableSpace,
@@ -185,10 +184,7 @@ class DesignSpecification:
     ) -> DesignCriterion:
         """Return the criterion to minimize for the specified objective."""
         if self.objective == BOTH:
-            # Above its limit, the condition number has twice the weight of the standard
-            # deviations.
-            bounded = BoundedCriterion(thesis, log(self.condition_limit))
-            return CombinedCriterion([(1.0, optimality), (2.0, bounded)])
+            return BothCriterion(optimality, thesis, log(self.condition_limit))
         if self.objective == INFORMATION:
             return optimality
         return scaled if self.objective == SCALED else thesis

@@ -1,75 +1,12 @@
-"""Direct and differential kinematics, from the URDF or the DH parameters (thesis table 2.1)."""
+"""Direct and differential kinematics."""
 
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
-
-ARM_LENGTH = 0.65
-"""DH length d_3 of thesis table 2.1, from joint 2 to joint 4 [m]."""
-
-DH_BASE_HEIGHT = 0.167
-"""Height of the DH base frame above the URDF's base_link [m], thesis A.4."""
-
-DH_TABLE = (
-    # a_i, d_i, alpha_i, offset of theta_i
-    (0.0, 0.0, np.pi / 2, 0.0),
-    (0.0, 0.0, np.pi / 2, np.pi / 2),
-    (0.0, ARM_LENGTH, np.pi / 2, 0.0),
-    (0.0, 0.0, 0.0, 0.0),
-)
-"""Thesis table 2.1: a_i [m], d_i [m], alpha_i [rad] and the offset of theta_i [rad]."""
-
-
-def dh_transform(a: float, d: float, alpha: float, theta: float) -> Array:
-    """Return the DH transform A_i^{i-1} of thesis (2.1), the pose of frame i in frame i-1.
-
-    Parameters
-    ----------
-    a, d : float
-        DH lengths [m].
-    alpha, theta : float
-        DH angles [rad].
-
-    Returns
-    -------
-    (4, 4) ndarray
-        Homogeneous transformation: rotation theta about z, translation d along z, translation a
-        along x, rotation alpha about x.
-    """
-    ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
-    return np.array(
-        [
-            [ct, -st * ca, st * sa, a * ct],
-            [st, ct * ca, -ct * sa, a * st],
-            [0.0, sa, ca, d],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
-
-
-def dh_forward(q: npt.ArrayLike) -> Array:
-    """Return T_4^0(q), the pose of the `wrist` frame in the DH base frame, thesis table 2.1.
-
-    The DH base is parallel to the URDF's base_link, at `DH_BASE_HEIGHT` above it.
-
-    Parameters
-    ----------
-    q : (4,) array_like
-        Joint positions [rad].
-
-    Returns
-    -------
-    (4, 4) ndarray
-    """
-    transform = np.eye(4)
-    for (a, d, alpha, offset), angle in zip(DH_TABLE, np.asarray(q, dtype=float), strict=True):
-        transform = transform @ dh_transform(a, d, alpha, angle + offset)
-    return transform
 
 
 class Kinematics:

@@ -152,10 +152,7 @@ class WholeBodyDynamics:
 
     def reduced_inertia(self, q: Array) -> Array:
         """Return the joint inertia on a free base, `M_jj - M_jb M_bb^-1 M_bj`, (n, n)."""
-        matrix = self.inertia_matrix(q)
-        coupling = matrix[:6, 6:]
-        answer = self._data.Ycrb[1].inverse() @ coupling
-        return np.asarray(matrix[6:, 6:] - coupling.T @ answer)
+        return self._reduced(q)[0]
 
     def mobility_matrix(self, q: Array) -> Array:
         """Return the inverse of the joint inertia on a free base, (n, n) [1/(kg m^2)]."""
@@ -170,13 +167,16 @@ class WholeBodyDynamics:
         base by `G s = M_bb^-1 M_bj D^-1 M_jb s` in the direction opposite to `s`. The gain is the
         largest eigenvalue of G, whose eigenvalues are real and non-negative.
         """
+        # The eigenvalues of a product do not depend on the order of its two factors.
+        gain = np.linalg.solve(*self._reduced(q))
+        return float(np.max(np.linalg.eigvals(gain).real))
+
+    def _reduced(self, q: Array) -> tuple[Array, Array]:
+        """Return the joint inertia on a free base, and its difference to that on a fixed base."""
         matrix = self.inertia_matrix(q)
         coupling = matrix[:6, 6:]
-        answer = self._data.Ycrb[1].inverse() @ coupling
-        # The eigenvalues of a product do not depend on the order of its two factors.
-        reduced = matrix[6:, 6:] - coupling.T @ answer
-        gain = np.linalg.solve(reduced, coupling.T @ answer)
-        return float(np.max(np.linalg.eigvals(gain).real))
+        lost = coupling.T @ (self._data.Ycrb[1].inverse() @ coupling)
+        return np.asarray(matrix[6:, 6:] - lost), np.asarray(lost)
 
     def composite_inertia(self, q: Array) -> tuple[float, Array, Array]:
         """Return mass, centre of mass and inertia of arm and vehicle, in base axes.

@@ -497,6 +497,16 @@ def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
     return model
 
 
+def copy_settings(fixed: Any, model: Any, dofs: slice, joints: slice) -> None:
+    """Copy solver options and settings of the joints to a model with other bodies and joints."""
+    for option in ('timestep', 'integrator', 'solver', 'disableflags'):
+        setattr(model.opt, option, getattr(fixed.opt, option))
+    for array in ('armature', 'damping', 'solref', 'solimp'):
+        getattr(model, f'dof_{array}')[dofs] = getattr(fixed, f'dof_{array}')
+    for array in ('solref', 'range'):
+        getattr(model, f'jnt_{array}')[joints] = getattr(fixed, f'jnt_{array}')
+
+
 def bare_urdf(robot: Robot, parameters: PlantParameters) -> str:
     """Return a URDF that contains only the robot's kinematics and the given inertias.
 

@@ -14,6 +14,7 @@ from aerarm_ros.simulation.arm_plant import (
     PlantError,
     PlantParameters,
     bare_urdf,
+    copy_settings,
 )
 
 # Tooth flanks are stiff: their elastic deflection is much smaller than the backlash.
@@ -96,13 +97,7 @@ class BacklashPlant(ArmPlant):
             tendon.wrap_joint(name, 1.0)
             tendon.wrap_joint(f'rotor of {name}', -1.0)
         model = spec.compile()
-        for option in ('timestep', 'integrator', 'solver', 'disableflags'):
-            setattr(model.opt, option, getattr(fixed.opt, option))
-        n = self.n
-        for array in ('armature', 'damping', 'solref', 'solimp'):
-            getattr(model, f'dof_{array}')[n:] = getattr(fixed, f'dof_{array}')
-        for array in ('solref', 'range'):
-            getattr(model, f'jnt_{array}')[:n] = getattr(fixed, f'jnt_{array}')
+        copy_settings(fixed, model, slice(self.n, None), slice(None, self.n))
         model.tendon_solref_lim[:] = _FLANK_SOLREF
         model.tendon_solimp_lim[:] = _FLANK_SOLIMP
         self._set_play(model)

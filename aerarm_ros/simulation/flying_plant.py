@@ -12,7 +12,7 @@ from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.inertia import cross, joined
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters
+from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters, copy_settings
 from aerarm_ros.simulation.base_profile import BaseProfile, BaseState
 from aerarm_ros.simulation.sensors import BandLimitedNoise, RandomDrift
 from aerarm_ros.simulation.wall import Wall
@@ -201,17 +201,12 @@ def _with_free_base(robot: Robot, fixed: Any, base: BaseBody) -> Any:
     frame = body.add_frame(pos=base.mount, quat=turn)
     frame.attach_body(arm.worldbody.first_body(), 'arm_', '')
     model = spec.compile()
-    for option in ('timestep', 'integrator', 'solver', 'disableflags'):
-        setattr(model.opt, option, getattr(fixed.opt, option))
+    copy_settings(fixed, model, slice(_FREE, None), slice(1, None))
     for body_index in range(1, fixed.nbody):
         old = fixed.body(body_index)
         new = model.body(f'arm_{old.name}')
         for what in ('mass', 'ipos', 'iquat', 'inertia'):
             getattr(new, what)[:] = getattr(old, what)
-    for array in ('armature', 'damping', 'solref', 'solimp'):
-        getattr(model, f'dof_{array}')[_FREE:] = getattr(fixed, f'dof_{array}')
-    for array in ('solref', 'range'):
-        getattr(model, f'jnt_{array}')[1:] = getattr(fixed, f'jnt_{array}')
     return model
 
 

@@ -105,14 +105,9 @@ class MadeGeometry:
 
     def as_dict(self) -> dict[str, object]:
         """Return the geometry errors as plain numbers for a YAML file."""
-        values = {
-            'joint_offsets': self.offsets,
-            'mount_shift': self.mount_shift,
-            'mount_turn': self.mount_turn,
-            'imu_shift': self.imu_shift,
-            'imu_turn': self.imu_turn,
-        }
-        return {key: value.tolist() for key, value in values.items()}
+        names = ('mount_shift', 'mount_turn', 'imu_shift', 'imu_turn')
+        others = {name: getattr(self, name).tolist() for name in names}
+        return {'joint_offsets': self.offsets.tolist(), **others}
 
 
 def displaced_urdf(text: str, joint_names: tuple[str, ...], shifts: Array, turns: Array) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.simulation.base_profile import BaseState
+from aerarm_ros.simulation.arm_plant import ArmPlant
+from aerarm_ros.simulation.flying_plant import FreeBasePlant, rotation_of
 from aerarm_ros.simulation.made_geometry import rotation_about
 
 # Positions of markers on a plate at the wrist, [m] in the frame of the last link.
@@ -22,21 +22,6 @@ _BODY = 0.2  # [m] between the markers of the drone
 _TWO = 2  # smallest number of cameras that must see a marker
 _CORNERS = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
 _ITERATIONS = 15
-
-
-class Located(Protocol):
-    """Interface of a simulated arm that returns poses of its links."""
-
-    def link_pose(self, link: str) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and position (3,) [m] of a link in the world."""
-
-
-class Carried(Protocol):
-    """Interface of a simulated arm whose base is a moving body."""
-
-    @property
-    def base(self) -> BaseState:
-        """Pose, velocity and acceleration of the body that carries the arm."""
 
 
 @dataclass(frozen=True)
@@ -100,13 +85,13 @@ class EmulatedMocap:
         """Names of the markers."""
         return tuple(f'marker{k + 1}' for k in range(len(self._markers)))
 
-    def true_positions(self, plant: Located) -> Array:
+    def true_positions(self, plant: ArmPlant) -> Array:
         """Return the true positions (K, 3) [m] of the markers in the capture system's frame."""
         rotation, place = plant.link_pose(self._link)
         in_world = place + self._markers @ rotation.T
         return np.asarray(in_world @ self.rotation.T + self.translation)
 
-    def read(self, plant: Located) -> Array:
+    def read(self, plant: ArmPlant) -> Array:
         """Measure the marker positions (K, 3) [m] with noise; NaN for hidden or lost markers."""
         settings = self._settings
         seen = self._visible(plant)
@@ -116,18 +101,18 @@ class EmulatedMocap:
         position[~seen | lost] = np.nan
         return position
 
-    def read_body(self, plant: Carried) -> tuple[Array, Array]:
+    def read_body(self, plant: FreeBasePlant) -> tuple[Array, Array]:
         """Measure rotation (3, 3) and position (3,) [m] of the arm's vehicle, with noise.
 
         The noise is that of a rigid body of markers with a distance of 0.2 m.
         """
         base, noise = plant.base, self._settings.noise
         turn = noise / _BODY * self._random.standard_normal(3)
-        rotation = self.rotation @ _rotation_of(base.quaternion) @ rotation_about(turn)
+        rotation = self.rotation @ rotation_of(base.quaternion) @ rotation_about(turn)
         place = self.rotation @ base.position + self.translation
         return rotation, place + noise * self._random.standard_normal(3)
 
-    def _visible(self, plant: Located) -> NDArray[np.bool_]:
+    def _visible(self, plant: ArmPlant) -> NDArray[np.bool_]:
         rotation, place = plant.link_pose(self._link)
         markers, normals = place + self._markers @ rotation.T, self._normals @ rotation.T
         to_camera = self._cameras[None] - markers[:, None]
@@ -185,7 +170,7 @@ class EmulatedCamera:
         self._on_link = rotation_about(np.array([0.2, 1.3, -0.1])), np.array([0.08, 0.0, 0.05])
         self._fixed = _looking((0.9, -0.9, 0.5), (0.1, 0.0, 0.3))
 
-    def read(self, plant: Located) -> tuple[Array, Array] | None:
+    def read(self, plant: ArmPlant) -> tuple[Array, Array] | None:
         """Measure rotation (3, 3) and position (3,) [m] of the marker in the camera's frame.
 
         The result is None if the marker is turned away from the camera, or behind it.
@@ -200,7 +185,7 @@ class EmulatedCamera:
         pixels += settings.pixel_noise * self._random.standard_normal(pixels.shape)
         return self._solved(pixels, rotation, place)
 
-    def true_pose(self, plant: Located) -> tuple[Array, Array]:
+    def true_pose(self, plant: ArmPlant) -> tuple[Array, Array]:
         """Return the true rotation and position of the marker in the camera's frame."""
         rotation, place = plant.link_pose(self._link)
         own_rotation, own_place = self._on_link
@@ -219,15 +204,7 @@ class EmulatedCamera:
             jacobian = np.zeros((len(corners), 2, 6))
             jacobian[:, 0, 0] = jacobian[:, 1, 1] = focal / z
             jacobian[:, 0, 2], jacobian[:, 1, 2] = -focal * x / z**2, -focal * y / z**2
-            for k, lever in enumerate(turned):
-                cross = np.array(
-                    [
-                        [0.0, lever[2], -lever[1]],
-                        [-lever[2], 0.0, lever[0]],
-                        [lever[1], -lever[0], 0.0],
-                    ]
-                )
-                jacobian[k, :, 3:] = jacobian[k, :, :3] @ cross
+            jacobian[:, :, 3:] = np.cross(turned[:, None], jacobian[:, :, :3])
             step = -np.linalg.lstsq(jacobian.reshape(-1, 6), residual, rcond=None)[0]
             place = place + step[:3]
             rotation = rotation_about(step[3:]) @ rotation
@@ -241,13 +218,6 @@ def quaternion_of(rotation: Array) -> Array:
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
     return np.roll(quaternion, -1)
-
-
-def _rotation_of(quaternion: Array) -> Array:
-    """Return the rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = quaternion
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
 
 
 def _looking(at: tuple[float, ...], towards: tuple[float, ...]) -> tuple[Array, Array]:

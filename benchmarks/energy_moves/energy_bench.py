@@ -1,7 +1,6 @@
 """Test bench that plays motions with nodes in lockstep and measures their energies."""
 
 import json
-import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from energy_moves.move import PLANNED, Move
 from flying.arm_model import ArmModel
+from flying.node_bench import PATIENCE, NodeBench
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -24,14 +24,12 @@ from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
 from aerarm_ros.ros.executors import spin_until
-from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 LEAD = 1.0  # [s] from a message to its motion
 SETTLE = 0.2  # [s] after a motion that belong to it
-PATIENCE = 600.0  # [s] of the host, which may be busy
 ASTRAY = 50.0  # [mrad] error above which the arm does not follow its path
 
 # Settings that docs/how-to/energy.md recommends for `computed_torque`; no observer is needed.
@@ -68,13 +66,14 @@ class Taken:
     largest: float
 
 
-class EnergyBench:
+class EnergyBench(NodeBench):
     """Emulated arm that plays and records motions."""
 
     def __init__(
         self, stack: ExitStack, node: Node, folder: Path, arm: ArmModel, model: EnergyModel
     ) -> None:
-        self._node, self._folder, self._model = node, folder, model
+        super().__init__(stack, node, folder)
+        self._model = model
         self._config = load_arm_config()
         self.played: list[Played] = []
         self.refused: list[str] = []
@@ -83,50 +82,39 @@ class EnergyBench:
         self._told: dict[Stamp, dict] = {}
         self._sent: dict[Stamp, JointTrajectory] = {}
         world = {'seed': arm.seed, 'pace': 'lockstep', 'encoders': 'absolute'}
-        self._bridge = self._start(stack, 'fake_hardware', world)
-        law = {**arm.law, **LAW}
-        self._start(stack, 'computed_torque', law)
-        self._planner = self._start(stack, 'motion_planner', {**arm.law, 'lead': LEAD})
-        self._recorder = stack.enter_context(
-            NodeProcess(
-                'recorder',
-                (),
-                {'bag': folder / 'bag', 'topics': '[joint_states]'},
-                log=folder / 'recorder.log',
-            )
-        )
+        self._bridge = self.start('fake_hardware', world)
+        self.start('computed_torque', {**arm.law, **LAW})
+        self.start('motion_planner', {**arm.law, 'lead': LEAD})
+        recorded = {'bag': folder / 'bag', 'topics': '[joint_states]'}
+        self._recorder = self.start('recorder', recorded)
         self._client = ArmClient(node)
-        self._trajectories = self._publisher(topics.JOINT_TRAJECTORY)
-        self._goals = self._publisher(topics.JOINT_GOAL)
-        self._listen(topics.PLAN_STATUS, self._on_status)
-        self._listen(topics.JOINT_TRAJECTORY, self._on_trajectory)
+        self._trajectories = self.publisher_of(topics.JOINT_TRAJECTORY)
+        self._goals = self.publisher_of(topics.JOINT_GOAL)
+        self.listen(topics.PLAN_STATUS, self._on_status)
+        self.listen(topics.JOINT_TRAJECTORY, self._on_trajectory)
         self._states = ArmStates(node, self._config.joint_names)
         self._client.wait_for_mode(['idle'], PATIENCE)
         ready = [self._trajectories, self._goals]
-        self._until(lambda: all(p.get_subscription_count() for p in ready), 'nodes')
-        self._until(lambda: 'publishers found' in self._recorder.tail(), 'the recorder')
+        self.wait('a node', lambda: all(p.get_subscription_count() for p in ready))
+        self.wait('the recorder', lambda: 'publishers found' in self._recorder.tail())
         self._client.call('enable', PATIENCE)
         self._client.wait_for_mode(['running'], PATIENCE)
-
-    def go(self, path: PolynomialPath) -> None:
-        """Play a motion without measurement."""
-        self._play(path)
 
     def play(self, pair: int, shape: str, move: Move) -> None:
         """Play a move and record it."""
         if shape != PLANNED:
-            self.played.append(Played(pair, shape, *self._play(move.path(shape))))
+            self.played.append(Played(pair, shape, *self.go(move.path(shape))))
             return
         planned = self._planned(move)
         if planned is None:
-            self._play(move.path('quintic'))
+            self.go(move.path('quintic'))
         else:
             self.played.append(Played(pair, shape, *planned))
 
     def results(self) -> list[Taken]:
         """Close the bag and return its energies."""
         self._recorder.stop()
-        states = read_contents(self._folder / 'bag', 'joint_states').joint_states['/joint_states']
+        states = read_contents(self.folder / 'bag', 'joint_states').joint_states['/joint_states']
         order = [states.names.index(name) for name in self._config.joint_names]
         q, dq, tau = (
             values[:, order] for values in (states.position, states.velocity, states.effort)
@@ -169,18 +157,19 @@ class EnergyBench:
 
     def _planned(self, move: Move) -> tuple[float, PolynomialPath] | None:
         """Play the planner's motion for a move, if any; return its start [s] and path."""
-        self._set_duration(move.duration)
+        request = ParameterRequest(self.node, 'motion_planner', PATIENCE)
+        request.set('duration', str(move.duration))
         goal = JointState(name=list(self._config.joint_names), position=move.goal.tolist())
         goal.header.stamp.sec, goal.header.stamp.nanosec = divmod(self._now_ns(), 10**9)
         asked = _stamp(goal)
         self._goals.publish(goal)
-        self._until(lambda: asked in self._told, 'a plan')
+        self.wait('a plan', lambda: asked in self._told)
         told = self._told.pop(asked)
         if not told['accepted']:
             self.refused.append(told['text'])
             return None
         stamp: Stamp = tuple(told['trajectory'])
-        self._until(lambda: stamp in self._sent, 'a trajectory')
+        self.wait('a trajectory', lambda: stamp in self._sent)
         limits = JointLimits.from_config(self._config)
         begin = stamp[0] + 1e-9 * stamp[1]  # this process may be late, but the arm is not
         trajectory, _ = read_trajectory(limits, self._sent.pop(stamp), begin)
@@ -193,7 +182,8 @@ class EnergyBench:
         self._wait_for(begin + path.duration)
         return begin, path
 
-    def _play(self, path: PolynomialPath) -> tuple[float, PolynomialPath]:
+    def go(self, path: PolynomialPath) -> tuple[float, PolynomialPath]:
+        """Play a motion; return its begin [s] and the motion."""
         begin_ns = self._now_ns() + round(LEAD * 1e9)
         names = self._config.joint_names
         self._trajectories.publish(trajectory_message(path, names, begin_ns))
@@ -203,7 +193,7 @@ class EnergyBench:
     def _wait_for(self, end: float) -> None:
         while 1e-9 * self._now_ns() < end + SETTLE + 0.05:
             # Receiving every state would load a core.
-            spin_until(self._node, lambda: self._client.mode != 'running', 0.05)
+            spin_until(self.node, lambda: self._client.mode != 'running', 0.05)
             try:
                 self._client.wait_for_mode(['running'], 20.0)
             except ArmClientError as error:
@@ -218,26 +208,6 @@ class EnergyBench:
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         self._sent[_stamp(message)] = message
-
-    def _set_duration(self, seconds: float) -> None:
-        request = ParameterRequest(self._node, 'motion_planner', PATIENCE)
-        request.set('duration', str(seconds))
-
-    def _publisher(self, topic: topics.Topic):
-        return self._node.create_publisher(topic.type, topic.name, topic.qos)
-
-    def _listen(self, topic: topics.Topic, act) -> None:
-        self._node.create_subscription(topic.type, topic.name, act, topic.qos)
-
-    def _until(self, condition, what: str) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not spin_until(self._node, condition, 1.0):
-            if self._planner.returncode is not None or time.monotonic() > deadline:
-                raise SystemExit(f'energy: no {what} in time: {self._planner.tail(3)}')
-
-    def _start(self, stack: ExitStack, name: str, values: dict) -> NodeProcess:
-        log = self._folder / f'{name}.log'
-        return stack.enter_context(NodeProcess(name, (), values, log=log))
 
 
 def _stamp(message: JointState | JointTrajectory) -> Stamp:

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from energy_moves.energy_figures import COLUMNS, GOALS, SAVINGS, EnergyFigures
 from energy_moves.move import PLANNED, TRAPEZOID
+from flying.pages import figure
 
-from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
-from aerarm_ros.pages.plots import figure_html, plotting_script
+from aerarm_ros.pages.html_text import Html, bullets, paragraph, section, table
 from aerarm_ros.planner.motion_plan import QUINTIC
 
 OTHERS = (QUINTIC, TRAPEZOID)
@@ -15,7 +15,7 @@ OTHERS = (QUINTIC, TRAPEZOID)
 
 def energy_page(
     found: EnergyFigures, standby: float, watt_hours: float, note: str, refused: list[str]
-) -> str:
+) -> list[str]:
     """Return the page of the energy campaign as HTML.
 
     Parameters
@@ -45,7 +45,7 @@ def energy_page(
     ]
     if refused:
         body.append(section('Not played', bullets(refused)))
-    return page('Energy of motions', plotting_script(), body, origin())
+    return body
 
 
 def _against(found: EnergyFigures) -> Html:
@@ -56,13 +56,13 @@ def _against(found: EnergyFigures) -> Html:
         line = {'dash': 'dash', 'width': 1}
         ends: dict[str, Any] = {'x': [0.0, top], 'y': [0.0, share * top], 'line': line}
         traces.append({'type': 'scatter', 'mode': 'lines', 'name': name, **ends})
-    return _figure('against', traces, 'other shape, same duration [J]', 'planned [J]')
+    return figure('against', traces, 'other shape, same duration [J]', 'planned [J]')
 
 
 def _saving(found: EnergyFigures) -> Html:
     duration = found.column(PLANNED, 'duration')
     traces = [_points(f'than {x}', duration, 100.0 * found.saving(x)) for x in OTHERS]
-    return _figure('saving', traces, 'duration [s]', 'less [%]')
+    return figure('saving', traces, 'duration [s]', 'less [%]')
 
 
 def _predicted(found: EnergyFigures) -> Html:
@@ -71,7 +71,7 @@ def _predicted(found: EnergyFigures) -> Html:
         measured = found.column(shape, 'measured')
         off = 100.0 * (found.column(shape, 'predicted') / measured - 1.0)
         traces.append(_points(shape, measured, off))
-    return _figure('predicted', traces, 'measured [J]', 'predicted minus measured [%]')
+    return figure('predicted', traces, 'measured [J]', 'predicted minus measured [%]')
 
 
 def _tracking(found: EnergyFigures) -> Html:
@@ -79,20 +79,9 @@ def _tracking(found: EnergyFigures) -> Html:
         {'type': 'box', 'y': np.round(found.column(shape, 'rms'), 3).tolist(), 'name': shape}
         for shape in found.by_shape
     ]
-    return _figure('tracking', traces, '', 'RMS error of a move [mrad]')
+    return figure('tracking', traces, '', 'RMS error of a move [mrad]')
 
 
 def _points(name: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
     places = {'x': np.round(x, 3).tolist(), 'y': np.round(y, 3).tolist()}
     return {'type': 'scatter', 'mode': 'markers', 'name': name, **places}
-
-
-def _figure(identifier: str, traces: list[dict[str, Any]], x: str, y: str) -> Html:
-    layout = {
-        'height': 420,
-        'margin': {'l': 60, 'r': 10, 't': 10, 'b': 90},
-        'xaxis': {'title': {'text': x}},
-        'yaxis': {'title': {'text': y}},
-        'legend': {'orientation': 'h', 'y': -0.18, 'yanchor': 'top'},  # as wide as the plot
-    }
-    return figure_html(identifier, traces, layout)

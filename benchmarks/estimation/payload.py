@@ -162,20 +162,12 @@ def main() -> int:
     parser.add_argument(
         '--steps', type=int, default=20_000, help='number of steps on damaged recordings'
     )
-    parser.add_argument('--runs', type=Path, help='folder for the recordings')
     options = parser.parse_args()
     runs, results = [], []
     times: list[tuple[int, int]] = []
     for seed in range(options.arms):
         put_down = PICK_UP + LATE + 0.5
-        path = None if options.runs is None else options.runs / f'{seed}.npy'
-        if path is not None and path.exists():
-            run = CarryingRun.load(path, seed, PICK_UP, put_down)
-        else:
-            run = CarryingRun.record(seed, pick_up=PICK_UP, put_down=put_down, end=put_down + 1.0)
-            if path is not None:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                run.save(path)
+        run = CarryingRun.record(seed, pick_up=PICK_UP, put_down=put_down, end=put_down + 1.0)
         runs.append(run)
         for number in range(options.models):
             known = run.truth.perturbed(1000 * seed + number + 1, KNOWN)

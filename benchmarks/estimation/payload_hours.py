@@ -11,7 +11,6 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import files
-from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -22,6 +21,7 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.motion.polynomial_path import PolynomialPath, rest_to_rest_duration, smooth_step
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_estimator import EstimatorSettings, PayloadEstimator
 from aerarm_ros.parallel import run_in_order
@@ -135,16 +135,10 @@ class Work:
 
     def _move(self, start: Array, end: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Yield the samples of a quintic motion from rest to rest."""
-        way, pace = end - start, self._random.uniform(0.2, 1.0)
-        least = max(
-            1.875 * np.abs(way).max() / SPEED, np.sqrt(5.774 * np.abs(way).max() / ACCELERATION)
-        )
-        seconds = least / pace
-        s = np.arange(CYCLE, seconds, CYCLE)[:, np.newaxis] / seconds
-        q = start + way * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        dq = way * 30.0 * s**2 * (1.0 - s) ** 2 / seconds
-        ddq = way * 60.0 * s * (1.0 - 3.0 * s + 2.0 * s**2) / seconds**2
-        yield from zip(q, dq, ddq, strict=True)
+        pace = self._random.uniform(0.2, 1.0)
+        seconds = rest_to_rest_duration(end - start, SPEED, ACCELERATION, 0.0) / pace
+        path = PolynomialPath.rest_to_rest(start, end, seconds)
+        yield from zip(*path.evaluate(np.arange(CYCLE, seconds, CYCLE)), strict=True)
 
     def _waves(self, centre: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Yield the samples of a motion of five waves per joint, with smooth start and end."""
@@ -160,23 +154,19 @@ class Work:
         dq = (size * rate * np.cos(rate * t + phase)).sum(axis=1)
         ddq = -(size * rate**2 * np.sin(rate * t + phase)).sum(axis=1)
         t = t[:, 0]
-        rise = np.minimum(np.minimum(t, SEGMENT - t), 1.0)
-        sign = np.where(t < 0.5 * SEGMENT, 1.0, -1.0) * (rise < 1.0)
-        w = rise**3 * (10.0 - 15.0 * rise + 6.0 * rise**2)
-        dw = sign * 30.0 * rise**2 * (1.0 - rise) ** 2
-        ddw = 60.0 * rise * (1.0 - 3.0 * rise + 2.0 * rise**2) * (rise < 1.0)
+        w, slope, _, ddw = smooth_step(np.minimum(t, SEGMENT - t))
+        dw = np.where(t < 0.5 * SEGMENT, slope, -slope)
         yield from zip(
             centre + w * q, dw * q + w * dq, ddw * q + 2.0 * dw * dq + w * ddq, strict=True
         )
 
 
 class Job(NamedTuple):
-    """Session to run: seed, duration of work [s], folder of recordings, and a setting."""
+    """Session to run: number of joints, seed, duration of work [s], and a setting."""
 
     joints: int
     seed: int
     seconds: float
-    runs: Path | None
     model_error: float
 
 
@@ -229,22 +219,9 @@ def record(arm: Arm, truth: PlantParameters, seed: int, seconds: float) -> Array
     return np.array(rows)
 
 
-def recorded(arm: Arm, truth: PlantParameters, job: Job) -> Array:
-    """Return a session's states, from the folder of recordings if available."""
-    joints, seed, seconds, folder, _ = job
-    path = None if folder is None else folder / f'{joints}_{seed}_{seconds:g}.npy'
-    if path is not None and path.exists():
-        return np.load(path)
-    rows = record(arm, truth, seed, seconds)
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        np.save(path, rows)
-    return rows
-
-
 def session(job: Job) -> Session:
     """Simulate one arm, and estimate its payload with one model."""
-    joints, seed, seconds, _, model_error = job
+    joints, seed, seconds, model_error = job
     arm = Arm.of(joints)
     truth = arm.drawn.perturbed(seed, MADE)
     known = truth.perturbed(10_000 + seed, KNOWN)
@@ -258,7 +235,7 @@ def session(job: Job) -> Session:
     )
     wrong: list[float] = []
     problem, found, put, mass, changes = '', np.nan, np.nan, np.nan, 0
-    for number, row in enumerate(recorded(arm, truth, job)):
+    for number, row in enumerate(record(arm, truth, seed, seconds)):
         since = number * WINDOW * CYCLE - seconds
         told = learner.update(ArmState(*np.split(row, 3)), number * WINDOW * CYCLE)
         problem = problem or learner.problem
@@ -282,14 +259,13 @@ def main() -> int:
     parser.add_argument('--joints', type=int, nargs='+', default=[4, 5, 6, 7], choices=[4, 5, 6, 7])
     parser.add_argument('--seconds', type=float, default=SESSION, help='duration of a session [s]')
     parser.add_argument('--jobs', type=int, default=1, help='number of processes')
-    parser.add_argument('--runs', type=Path, help='folder for the recordings')
     parser.add_argument(
         '--model-error', type=float, default=EstimatorSettings().model_error, help='model_error'
     )
     options = parser.parse_args()
     runs = max(round(3600.0 * options.hours / options.seconds), 1)
     jobs = [
-        (Job(n, seed, options.seconds, options.runs, options.model_error),)
+        (Job(n, seed, options.seconds, options.model_error),)
         for seed in range(runs)
         for n in options.joints
     ]

@@ -29,6 +29,7 @@ from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Reaction
 from aerarm_ros.online.contact_detector import ContactDetector
 from aerarm_ros.simulation.arm_plant import SUBSTEP, PlantParameters
+from aerarm_ros.simulation.wall import Wall, WallParameters
 
 GAIN = 60.0  # [1/s] of the detector's observer
 WALLS = {'stiff': 75e3, 'soft': 10e3}  # [N/m]
@@ -46,23 +47,19 @@ class WalledPlant(TouchedPlant):
 
     def build_wall(self, place: Array, normal: Array, stiffness: float) -> None:
         """Place a wall of a stiffness [N/m] at a point (3,) [m]; the normal (3,) points into it."""
-        self._wall, self._normal, self._stiffness = place, normal, stiffness
-        self._wall_damping = 2.0 * DAMPING_RATIO * np.sqrt(0.5 * stiffness)
+        damping = 2.0 * DAMPING_RATIO * np.sqrt(0.5 * stiffness)
+        self._wall = Wall(WallParameters(tuple(place), tuple(normal), stiffness, damping, 0.0))
         self._tool = self.end_of(self.bodies - 1)
-        self._depth = -1.0
-        self.force = self.peak = 0.0
+        self.peak = 0.0
 
     def cycle(self, effort: Array) -> None:
         """Advance by a cycle; `peak` becomes the largest wall force [N] during the cycle."""
         self.apply_effort(effort)
         body, self.peak = self.bodies - 1, 0.0
         for _ in range(round(CYCLE / SUBSTEP)):
-            depth = float((self.place(body, self._tool) - self._wall) @ self._normal)
-            rate, self._depth = (depth - self._depth) / SUBSTEP, depth
-            pushed = self._stiffness * depth + self._wall_damping * rate
-            self.force = max(pushed, 0.0) if depth > 0.0 else 0.0
-            self.peak = max(self.peak, self.force)
-            self.touch(body, self._tool, -self.force * self._normal)
+            force = self._wall.update(self.place(body, self._tool), SUBSTEP)
+            self.peak = max(self.peak, float(np.linalg.norm(force)))
+            self.touch(body, self._tool, force)
             self.step()
 
 

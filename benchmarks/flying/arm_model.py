@@ -1,11 +1,14 @@
 """Arm model for a controller: true parameters, or parameters identified from a bag."""
 
+import argparse
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from subprocess import TimeoutExpired
 
 import numpy as np
 import yaml
+from flying.node_bench import ros_node
 from rclpy.node import Node
 
 from aerarm_ros.description.arm_config import load_arm_config
@@ -47,6 +50,20 @@ class ArmModel:
         nominal = PlantParameters.nominal(load_arm_config(), load_robot())
         return cls('true', AS_DRAWN, {'load_friction': nominal.load_friction.tolist()})
 
+    @staticmethod
+    def add_options(parser: argparse.ArgumentParser, default: str = 'identified') -> None:
+        """Add the options that choose the model."""
+        parser.add_argument('--model', choices=('identified', 'true'), default=default)
+        parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
+
+    @classmethod
+    def chosen(cls, options: argparse.Namespace, folder: Path) -> 'ArmModel':
+        """Return the model that the options choose."""
+        if options.model == 'true':
+            return cls.true()
+        with ros_node() as node:
+            return cls.identified(node, folder, options.arm_seed)
+
     @classmethod
     def identified(cls, node: Node, folder: Path, seed: int) -> 'ArmModel':
         """Return an arm that deviates from its model, with parameters identified from its motion.
@@ -54,7 +71,7 @@ class ArmModel:
         The excitation is played on a fixed base and recorded in lockstep, as a user would do.
         """
         bag, result = folder / 'bag', folder / 'result'
-        _record(node, folder, bag, seed)
+        record_excitation(node, folder, bag, seed)
         arguments = ['--bag', str(bag), '--out', str(result)]
         with NodeProcess('identifier', arguments, log=folder / 'identifier.log') as identifier:
             _require_good_end(identifier)
@@ -88,18 +105,21 @@ class ArmModel:
         return replace(self, name=name, law={**self.law, 'urdf': path})
 
 
-def _record(node: Node, folder: Path, bag: Path, seed: int) -> None:
+def record_excitation(node: Node, folder: Path, bag: Path, seed: int, priority: int = 0) -> float:
+    """Play an excitation of 20 s in lockstep and record it; return the duration [s] of its node."""
     arm = ArmClient(node, ['fake_hardware'])
     world = {'pace': 'lockstep', 'encoders': 'absolute', 'seed': seed}
     motion = {'seed': 1, 'periods': 2, 'subscribers': 2, 'wait_for_recorder': True}
-    with NodeProcess('fake_hardware', (), world, log=folder / 'hardware.log'):
+    first, second = ({'realtime_priority': max(0, priority - k)} for k in (0, 1))
+    with NodeProcess('fake_hardware', (), world | first, log=folder / 'hardware.log'):
         arm.wait_for_mode(['idle'], _PATIENCE)
         arm.call('enable')
         arm.wait_for_mode(['ready'], _PATIENCE)
         with NodeProcess('recorder', (), {'bag': bag}, log=folder / 'recorder.log'):
-            log = folder / 'excitation.log'
-            with NodeProcess('excitation', (), motion, log=log) as excitation:
+            begin, log = time.monotonic(), folder / 'excitation.log'
+            with NodeProcess('excitation', (), motion | second, log=log) as excitation:
                 _require_good_end(excitation)
+            return time.monotonic() - begin
 
 
 def _require_good_end(process: NodeProcess) -> None:

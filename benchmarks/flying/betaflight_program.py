@@ -1,15 +1,14 @@
 """Betaflight as a program on this host, configured for a drone."""
 
 import os
-import signal
 import socket
 import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
+from flying.firmware_program import FirmwareProgram
 
 from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup
 from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, BetaflightLink
@@ -41,7 +40,7 @@ def find_betaflight() -> Path | None:
     return next(iter(sorted(place.glob(_BUILT))), None)
 
 
-class BetaflightProgram:
+class BetaflightProgram(FirmwareProgram):
     """Context manager that runs Betaflight in a separate folder, configured for a drone.
 
     Parameters
@@ -60,9 +59,12 @@ class BetaflightProgram:
     def __init__(
         self, program: Path, folder: Path, drone: DroneConfig, setup: BetaflightSetup
     ) -> None:
-        self._program, self._folder = program.resolve(), folder
-        self._commands = setup.commands(drone)
-        self._process: subprocess.Popen[bytes] | None = None
+        super().__init__(folder, 'betaflight.log')
+        self._program, self._commands = program.resolve(), setup.commands(drone)
+
+    def command(self) -> tuple[list[str], dict[str, str]]:
+        """Return the command line and the environment."""
+        return [str(self._program)], dict(os.environ)
 
     def __enter__(self) -> 'BetaflightProgram':
         try:
@@ -70,23 +72,9 @@ class BetaflightProgram:
             self._await_end()  # before restarting
             self._start_until(self._is_heard, 'no report of its motors')
         except BaseException:
-            self._end()
+            self.end()
             raise
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._end()
-
-    def _start(self) -> None:
-        with (self._folder / 'betaflight.log').open('ab') as log:
-            self._process = subprocess.Popen(
-                [str(self._program)], cwd=self._folder, stdout=log, stderr=log
-            )
 
     def _await_end(self) -> None:
         try:
@@ -95,15 +83,6 @@ class BetaflightProgram:
         except subprocess.TimeoutExpired:
             raise ValueError('Betaflight does not end after its settings are saved') from None
 
-    def _end(self) -> None:
-        if self._process is not None and self._process.poll() is None:
-            self._process.send_signal(signal.SIGTERM)
-            try:
-                self._process.wait(5.0)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
-
     def _start_until(self, is_done: Callable[[], bool], problem: str) -> None:
         """Start the program until a condition is true.
 
@@ -111,10 +90,10 @@ class BetaflightProgram:
         start.
         """
         for _ in range(_ATTEMPTS):
-            self._start()
+            self.start()
             if is_done():
                 return
-            self._end()
+            self.end()
         raise ValueError(
             f'Betaflight failed in every attempt ({problem}): check the load of this computer'
         )
@@ -125,7 +104,7 @@ class BetaflightProgram:
             return False
         link, deadline = BetaflightLink(), time.monotonic() + _HEARD
         try:
-            while time.monotonic() < deadline and self._is_running():
+            while time.monotonic() < deadline and self.is_running:
                 if link.exchange(_NEUTRAL, np.zeros(3), _LEVEL, _UPRIGHT) is not None:
                     return True
                 time.sleep(_PAUSE)
@@ -137,7 +116,7 @@ class BetaflightProgram:
         """Wait for the serial line, because sticks sent earlier are lost."""
         with self._connect() as line:
             deadline = time.monotonic() + _ANSWERING
-            while time.monotonic() < deadline and self._is_running():
+            while time.monotonic() < deadline and self.is_running:
                 line.sendall(_ASK)
                 try:
                     if line.recv(64).startswith(b'$M>'):
@@ -145,9 +124,6 @@ class BetaflightProgram:
                 except TimeoutError:
                     continue
         return False
-
-    def _is_running(self) -> bool:
-        return self._process is not None and self._process.poll() is None
 
     def _is_set_up(self) -> bool:
         """Enter the settings in the command line; return whether they were accepted."""

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 _ENDING = 5.0  # [s]
@@ -46,6 +45,11 @@ class FirmwareProgram:
         raise NotImplementedError
 
     def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def start(self) -> None:
+        """Start the program."""
         command, environment = self.command()
         guard = [sys.executable, '-c', _GUARD, str(os.getpid())]
         with self.log.open('ab') as log:
@@ -53,15 +57,18 @@ class FirmwareProgram:
                 [*guard, *command], cwd=self.folder, stdin=subprocess.DEVNULL, stdout=log,
                 stderr=log, env=environment, start_new_session=True,
             )  # fmt: skip
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._process is None:
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the program has been started and has not ended."""
+        return self._process is not None and self._process.poll() is None
+
+    def end(self) -> None:
+        """End the program if it runs."""
+        if self._process is None or not self.is_running:
             return
         self._process.send_signal(signal.SIGTERM)
         try:

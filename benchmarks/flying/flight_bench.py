@@ -1,19 +1,18 @@
 """Test bench of a flight: bridge, arm controller and flight controller as processes in lockstep."""
 
 import json
-import time
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import yaml
-from diagnostic_msgs.msg import DiagnosticArray
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_case import FlightCase
-from flying.flight_listener import PATIENCE, FlightListener
+from flying.flight_listener import FlightListener
 from flying.flight_program import PAYLOAD, FlightProgram
 from flying.flight_record import LOST, FlightRecord
+from flying.node_bench import PATIENCE, NodeBench
 from flying.scaled_drone import scaled_drone, write_drone
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
@@ -21,12 +20,9 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.motion.signals import JointMotion
-from aerarm_ros.ros.executors import spin_until
-from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.ros.requests.parameter_request import ParameterRequest
@@ -36,18 +32,15 @@ QUICK_LEAD = 1.5  # [s]
 SETTLING = 10.0  # [s] longest settling time
 FOLLOWED = 0.3  # [rad] largest tracking error of a joint
 ARM_WAIT = 5.0  # [s] on the host
-FLYING = 'flying'  # status of a flying drone
 
 
-class FlightBench:
+class FlightBench(NodeBench):
     """Processes of one flight case, which are ready for an arm motion.
 
     Attributes
     ----------
     settling : float
         World time spent waiting for the drone to hover still [s].
-    processes : dict
-        Processes by executable name.
 
     Raises
     ------
@@ -58,9 +51,8 @@ class FlightBench:
     def __init__(
         self, stack: ExitStack, node: Node, folder: Path, case: FlightCase, arm: ArmModel
     ) -> None:
-        self.folder, self.node = folder, node
+        super().__init__(stack, node, folder)
         self.settling = SETTLING
-        self.processes: dict[str, NodeProcess] = {}
         rotors: tuple[str, ...] = ()
         world = {'seed': arm.seed, 'pace': 'lockstep', 'encoders': 'absolute', **dict(case.sensors)}
         law: dict[str, object] = {
@@ -83,30 +75,25 @@ class FlightBench:
                 told = {'lead': case.ahead, **dict(case.told)}
                 if case.is_touched:
                     told['drone_file'] = law['drone_file']
-                self.start(stack, 'base_reaction', {**told, **arm.law})
+                self.start('base_reaction', {**told, **arm.law})
                 pilot.update(arm.drawing)
                 if world['pace'] == 'lockstep':
                     # Otherwise the timeliness of the arm's forecast would depend on the host.
                     pilot['arm_wait'] = ARM_WAIT
             # Without these parameters the flight controller uses the nominal arm.
-            self.start(stack, 'flight_control', {**pilot, **dict(case.flight)})
+            self.start('flight_control', {**pilot, **dict(case.flight)})
         else:
             law['config'] = world['config'] = _hanging(folder / 'arm.yaml')
         # The controller does not compensate a delay of the IMU.
         deaf = () if case.hears_rotors else ('--ros-args', '-r', 'rotor_command:=unheard', '--')
-        self.law = self.start(stack, 'computed_torque', law, deaf)
-        self._bridge = self.start(stack, 'fake_hardware', world)
+        self.start('computed_torque', law, deaf)
+        self._bridge = self.start('fake_hardware', world)
         self.listener = FlightListener(node, rotors)
         stack.callback(self.listener.destroy)
-        topic = topics.JOINT_TRAJECTORY
-        self.publisher = node.create_publisher(topic.type, topic.name, topic.qos)
-        self._drone_does = ''
+        self.publisher = self.publisher_of(topics.JOINT_TRAJECTORY)
         self.client = ArmClient(node, ['fake_hardware'], ['enable'])
-        topic = topics.DIAGNOSTICS
-        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
         self._world = AsyncParameterClient(node, 'fake_hardware')
-        topic = topics.FLIGHT_SET_POINT
-        self._places = node.create_publisher(topic.type, topic.name, topic.qos)
+        self._places = self.publisher_of(topics.FLIGHT_SET_POINT)
         # Delayed odometry arrives only once the world runs, after the arm is enabled.
         self._is_late = 'odometry_delay' in dict(case.sensors)
         self._get_ready(is_flying=bool(case.mass))
@@ -114,14 +101,12 @@ class FlightBench:
     def move(self, motion: ArmSwing) -> tuple[np.ndarray, np.ndarray]:
         """Return times [s] since the start, and errors (M, n) [mrad], between the ramps."""
         now, _ = self.listener.next()
-        begin = round((now + LEAD) * 1e9)
-        names = load_arm_config().joint_names
-        self.publisher.publish(trajectory_message(motion, names, begin))
-        self.listener.forget()
+        begin = now + LEAD
+        self.send(motion, begin)
         samples = []
-        while now < begin * 1e-9 + motion.duration:
+        while now < begin + motion.duration:
             now, q = self.listener.next()
-            samples.append((now - begin * 1e-9, q))
+            samples.append((now - begin, q))
         self.client.wait_for_mode(['running'], 20.0)
         times = np.array([when for when, _ in samples])
         moving = motion.is_moving(times)
@@ -156,10 +141,14 @@ class FlightBench:
         # Without a set point the drone stays at its first, noisy odometry position.
         self._places.publish(PoseStamped())
         begin = self.wait_until_still() + QUICK_LEAD
+        self.send(motion, begin)
+        return begin
+
+    def send(self, motion: JointMotion, begin: float) -> None:
+        """Send a motion that begins at a time [s], and forget what was recorded before."""
         names = load_arm_config().joint_names
         self.publisher.publish(trajectory_message(motion, names, round(begin * 1e9)))
         self.listener.forget()
-        return begin
 
     def change_world(self, name: str, numbers: list[float]) -> None:
         """Change a parameter of the emulated world without waiting."""
@@ -186,54 +175,25 @@ class FlightBench:
             request.set(name, json.dumps(value))
 
     def _get_ready(self, is_flying: bool) -> None:
+        """Enable the arm and wait for the release of the drone; a held drone looks still too."""
         self.client.wait_for_mode(['idle'], PATIENCE)
-        deadline = time.monotonic() + PATIENCE
-        while not self.publisher.get_subscription_count():
-            if self.law.returncode is not None:
-                raise ValueError(self.law.tail(1))
-            if time.monotonic() > deadline:
-                raise TimeoutError(self.law.tail(3))
-            time.sleep(0.05)
+        self.wait('computed_torque', self.publisher.get_subscription_count)
         if is_flying:
-            self._take_off()
-        else:
-            self._enable()
-
-    def _enable(self) -> None:
+            self._wait_for_pilot()
         self.client.call('enable')
         self.client.wait_for_mode(['running'], PATIENCE)
-
-    def _take_off(self) -> None:
-        """Wait until the drone is released; a held drone looks as still as a hovering one."""
-        self._wait_for_pilot()
-        self._enable()
-        if not spin_until(self.node, lambda: self._drone_does == FLYING, PATIENCE):
-            raise TimeoutError(f'the drone was not released, but {self._drone_does or "silent"}')
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name.endswith(': drone'):
-                self._drone_does = status.message
-
-    def start(
-        self, stack: ExitStack, name: str, values: dict, arguments: tuple[str, ...] = ()
-    ) -> NodeProcess:
-        """Start a node as a process."""
-        log = self.folder / f'{name}.log'
-        process = stack.enter_context(NodeProcess(name, arguments, values, log=log))
-        self.processes[name] = process
-        return process
+        if is_flying:
+            self.wait('the drone', lambda: self.said('drone') == 'flying')
 
     def _wait_for_pilot(self) -> None:
         """Wait until the flight controller is available and responds, as in every run."""
-        reader = RawReader(self.node, topics.ROTOR_COMMAND)
-        deadline = time.monotonic() + PATIENCE
-        while not (self._is_late and reader.publishers()):
-            if reader.wait(0.1) and reader.take_newest():
-                break
-            if time.monotonic() > deadline:
-                raise TimeoutError('flight_control does not answer')
-        reader.destroy()
+        came: list[object] = []
+        topic, node = topics.ROTOR_COMMAND, self.node
+        commands = node.create_subscription(topic.type, topic.name, came.append, topic.qos)
+        self.wait(
+            'flight_control', lambda: came or (self._is_late and commands.get_publisher_count())
+        )
+        node.destroy_subscription(commands)
 
 
 def _hanging(path: Path) -> Path:

@@ -3,7 +3,10 @@
 import time
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from flying.flight_record import FlightRecord
+from flying.node_bench import PATIENCE
+from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -12,9 +15,6 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
-
-PATIENCE = 300.0  # [s] of the host, which may be busy
-
 
 _STILL = 3e-4  # [m]
 _NEAR = 1e-3  # [m] a sagged drone is also still at its turning point
@@ -32,7 +32,7 @@ class FlightListener:
 
     def __init__(self, node: Node, rotors: tuple[str, ...] = ()) -> None:
         heard = [topics.JOINT_STATES, topics.TRUE_ODOMETRY, topics.ROTOR_COMMAND]
-        self._reader = RawReader(node, *heard)
+        self._reader = RawReader(node, *heard, topics.TRUE_WALL_FORCE)
         self._codec = JointStateCdr(load_arm_config().joint_names)
         self._rotor_codec = JointStateCdr(rotors or ('none',))
         self.forget()
@@ -45,6 +45,9 @@ class FlightListener:
             odometry, command = self._reader.take_newest(1), self._reader.take_newest(2)
             if odometry is not None:
                 self._note(deserialize_message(odometry[0], Odometry))
+            if (force := self._reader.take_newest(3)) is not None:
+                message = deserialize_message(force[0], WrenchStamped)
+                self.forces.append((_seconds(message.header.stamp), -message.wrench.force.x))
             thrust = self._rotor_codec.unpack(command[0]) if command else None
             if thrust is not None and thrust.effort is not None:
                 self._commands.append((thrust.stamp_ns * 1e-9, np.array(thrust.effort)))
@@ -58,6 +61,7 @@ class FlightListener:
     def forget(self) -> None:
         """Discard the received messages."""
         self.farthest = 0.0
+        self.forces: list[tuple[float, float]] = []  # [s], [N] on a wall
         self._joints: list[tuple[float, np.ndarray]] = []
         self._states: list[tuple[float, np.ndarray, np.ndarray]] = []
         self._commands: list[tuple[float, np.ndarray]] = []
@@ -84,9 +88,12 @@ class FlightListener:
         p, q = message.pose.pose.position, message.pose.pose.orientation
         place = np.array([p.x, p.y, p.z])
         self.farthest = max(self.farthest, float(np.linalg.norm(place)))
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        self._states.append((stamp, place, np.array([q.x, q.y, q.z, q.w])))
+        self._states.append((_seconds(message.header.stamp), place, np.array([q.x, q.y, q.z, q.w])))
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""
         self._reader.destroy()
+
+
+def _seconds(stamp: Time) -> float:
+    return stamp.sec + 1e-9 * stamp.nanosec

@@ -1,30 +1,36 @@
 """Page with plots and replays of a flight campaign."""
 
-from pathlib import Path
-from typing import Any
+import argparse
 
 import numpy as np
+from flying.arm_model import ArmModel
+from flying.flight_program import FlightProgram
 from flying.flight_record import FlightRecord
 from flying.flight_replay import replay
 from flying.flight_results import BASELINE, BEST, COLUMNS, GOALS, FlightResults
 from flying.flight_way import load_drone
+from flying.pages import time_plot, write_page
 
-from aerarm_ros.description.resources import write_whole
-from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
-from aerarm_ros.pages.plots import figure_html, plotly_figure, plotting_script
+from aerarm_ros.pages.html_text import Html, bullets, paragraph, section, table
+from aerarm_ros.pages.plots import plotly_figure
 
-_THINNED = 8  # draw one in so many states
-
-
-def write_page(path: Path, results: FlightResults, note: str) -> None:
-    """Write the page and print its path; parameters as in `flight_page`."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, flight_page(results, note))
-    print(f'Page      {path}')
+Records = dict[str, FlightRecord | str]
 
 
-def flight_page(results: FlightResults, note: str) -> str:
-    """Return the page of the flight campaign as HTML.
+def report(
+    options: argparse.Namespace, records: dict[str, Records], arm: ArmModel, by: str, name: str
+) -> None:
+    """Print the table of the flights and, if a folder is given, write the page."""
+    results = FlightResults(FlightProgram(parts=options.parts), records, arm.law.get('urdf'))
+    note = f'Drones of 3 kg with an arm of 1.5 kg (model {arm.name}){by}'
+    print(f'{note}\n{results.text()}')
+    if options.out:
+        title = 'Hover error caused by arm motion'
+        write_page(options.out / name, title, flight_page(results, note))
+
+
+def flight_page(results: FlightResults, note: str) -> list[str]:
+    """Return the sections of the page of a flight campaign.
 
     Parameters
     ----------
@@ -60,7 +66,7 @@ def flight_page(results: FlightResults, note: str) -> str:
                 'Position errors and tilts of the drones are drawn ten times as large as they are.'
             )
             body.append(section(f'{drone}: replay', paragraph(text, 'note'), drawn))
-    return page('Hover error caused by arm motion', plotting_script(), body, origin())
+    return body
 
 
 def _without_missing(row: tuple[str, ...]) -> str:
@@ -86,16 +92,6 @@ def _plot(
     values: dict[str, np.ndarray],
     title: str,
 ) -> Html:
-    traces: list[dict[str, Any]] = [
-        {
-            'type': 'scatter',
-            'mode': 'lines',
-            'name': way,
-            'x': np.round(record.times[::_THINNED], 3).tolist(),
-            'y': np.round(values[way][::_THINNED], 3).tolist(),
-        }
-        for way, record in flown.items()
-    ]
     shapes, texts = [], []
     for part, (begin, end) in results.program.windows.items():
         shapes.append(
@@ -110,13 +106,6 @@ def _plot(
                 'yanchor': 'bottom', 'showarrow': False,
             }
         )  # fmt: skip
-    layout = {
-        'height': 420,
-        'margin': {'l': 60, 'r': 10, 't': 30, 'b': 90},
-        'xaxis': {'title': {'text': 't [s]'}},
-        'yaxis': {'title': {'text': title}, 'type': 'log' if 'mm' in title else 'linear'},
-        'legend': {'orientation': 'h', 'y': -0.18, 'yanchor': 'top'},
-        'shapes': shapes,
-        'annotations': texts,
-    }
-    return figure_html(f'{drone.replace("_", "-")}-{title.split()[0]}', traces, layout)
+    identifier = f'{drone.replace("_", "-")}-{title.split()[0]}'
+    marked = {'shapes': shapes, 'annotations': texts}
+    return time_plot(identifier, flown, values, title, is_log='mm' in title, **marked)

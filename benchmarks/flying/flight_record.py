@@ -79,14 +79,9 @@ class FlightRecord:
         """Return the data between two times [s]."""
         rows = (self.times >= begin) & (self.times < end)
         commands = (self.command_times >= begin) & (self.command_times < end)
-        return FlightRecord(
-            self.times[rows],
-            self.places[rows],
-            self.attitudes[rows],
-            self.postures[rows],
-            self.command_times[commands],
-            self.thrusts[commands],
-        )
+        states = (self.times, self.places, self.attitudes, self.postures)
+        thrusts = (self.command_times, self.thrusts)
+        return FlightRecord(*(x[rows] for x in states), *(x[commands] for x in thrusts))
 
     def shifted(self, begin: float) -> 'FlightRecord':
         """Return the record with times relative to a given time [s]."""
@@ -120,14 +115,19 @@ class FlightRecord:
 
     def _tool_errors(self, motion: JointMotion, drone: DroneConfig) -> np.ndarray:
         """Return the tool's distance from its position under a drone at its place [m]."""
-        kinematics = Kinematics(load_robot())
-        mount, rotation = np.array(drone.mount.position), drone.mount.rotation
-        wanted = np.array(
-            [kinematics.position(q) for q in motion.evaluate(np.maximum(self.times, 0.0)).q]
-        )
-        reached = np.array([kinematics.position(q) for q in self.postures])
-        turned = Rotation.from_quat(self.attitudes).apply(mount + reached @ rotation.T)
-        return self.places + turned - (mount + wanted @ rotation.T)
+        wanted = motion.evaluate(np.maximum(self.times, 0.0)).q
+        return self.tools(drone) - _tools_on_body(drone, wanted)
+
+    def tools(self, drone: DroneConfig) -> np.ndarray:
+        """Return the positions of the tool in the world (K, 3) [m]."""
+        on_body = _tools_on_body(drone, self.postures)
+        return self.places + Rotation.from_quat(self.attitudes).apply(on_body)
+
+
+def _tools_on_body(drone: DroneConfig, postures: np.ndarray) -> np.ndarray:
+    kinematics = Kinematics(load_robot())
+    on_mount = np.array([kinematics.position(q) for q in postures])
+    return drone.mount.position + on_mount @ drone.mount.rotation.T
 
 
 def _rms(values: np.ndarray) -> float:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.excitation.preview import playback
 from aerarm_ros.model.kinematics import Kinematics
 
 LARGER = 10.0
@@ -61,28 +62,12 @@ def replay(
     for trace, way in zip(figure.data, flights, strict=True):
         trace.name = way
     axis = {'range': [-1.0, 1.0], 'title': ''}
-    play = {'frame': {'duration': 1e3 * _PERIOD, 'redraw': True}, 'fromcurrent': True}
-    pause = {'frame': {'duration': 0, 'redraw': False}, 'mode': 'immediate'}
-    jump = {'frame': {'duration': 0, 'redraw': True}, 'mode': 'immediate'}
     figure.update_layout(
         scene={'xaxis': axis, 'yaxis': axis, 'zaxis': axis, 'aspectmode': 'cube'},
         height=640,
         margin={'l': 0, 'r': 20, 't': 20, 'b': 120},
-        updatemenus=[{
-            'type': 'buttons', 'direction': 'left', 'x': 0.13, 'y': -0.02, 'yanchor': 'top',
-            'buttons': [
-                {'label': 'Play', 'method': 'animate', 'args': [None, play]},
-                {'label': 'Pause', 'method': 'animate', 'args': [[None], pause]},
-            ],
-        }],
-        sliders=[{
-            'currentvalue': {'prefix': 't [s] = '}, 'x': 0.15, 'len': 0.85,
-            'steps': [
-                {'label': frame.name, 'method': 'animate', 'args': [[frame.name], jump]}
-                for frame in frames
-            ],
-        }],
-    )  # fmt: skip
+        **playback([frame.name for frame in frames], round(1e3 * _PERIOD)),
+    )
     return figure
 
 

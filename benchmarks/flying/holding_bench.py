@@ -1,35 +1,29 @@
 """Test bench of flights in which the arm holds its tool in the world, as processes in lockstep."""
 
-import time
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray
 from flying.arm_model import ArmModel
-from flying.flight_listener import PATIENCE
+from flying.flight_listener import FlightListener
+from flying.flight_record import FlightRecord
 from flying.holding_case import HELD, ORDINARY, POSTURE, HoldingCase
+from flying.node_bench import PATIENCE, NodeBench
 from flying.scaled_drone import write_drone
 from geometry_msgs.msg import PoseStamped, Transform
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.live_topics import RawReader
-from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.drone_config import PoseConfig
-from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.executors import spin_until
-from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 from aerarm_ros.world.base_pose import BasePose
 from aerarm_ros.world.reach import ArmReach
@@ -41,65 +35,57 @@ _BOUND_THINNED = 25  # one of so many rows for the physical bound
 _REPORT = 2.5  # [s] of host time in which every node reports
 
 
-@dataclass(frozen=True, eq=False)
-class HoldingRecord:
-    """Recorded data of a flight with the tool held in the world.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HoldingRecord(FlightRecord):
+    """Recorded data of a flight with the tool held in the world, since the target was sent.
 
     Attributes
     ----------
-    times : (K,) ndarray
-        Time since the target was sent [s].
-    places : (K, 3) ndarray
-        Positions of the drone's body in the world [m].
-    attitudes : (K, 4) ndarray
-        Quaternions (x, y, z, w).
-    postures : (K, n) ndarray
-        Joint angles [rad].
-    tools, targets : (K, 3) ndarray
+    tool_places, targets : (K, 3) ndarray
         Actual and desired tool positions in the world [m].
     diagnostics : str
         Last diagnostics of the controller, '' without a problem.
     bound : tuple of float
         Physical bound: largest distance [mm] of the target from all points that the arm could
-        reach, smallest distance [mm] that the drone could still move, largest tilt of the drone
-        [deg].
+        reach, and smallest distance [mm] that the drone could still move.
     """
 
-    times: np.ndarray
-    places: np.ndarray
-    attitudes: np.ndarray
-    postures: np.ndarray
-    tools: np.ndarray
+    tool_places: np.ndarray
     targets: np.ndarray
     diagnostics: str = ''
-    bound: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    bound: tuple[float, float] = (np.nan, np.nan)
 
-    def figures(self) -> tuple[float, float, float, float]:
-        """Return RMS and maximum of tool error and drone position error [mm]."""
+    @property
+    def tool_errors(self) -> np.ndarray:
+        """Distances of the tool from its target (K,) [mm]."""
+        return 1e3 * np.linalg.norm(self.tool_places - self.targets, axis=1)
+
+    def figures(self) -> tuple[float, ...]:
+        """Return RMS and maximum of tool and drone error [mm], bound [mm], largest tilt [deg]."""
         rows = self.times > SETTLING
-        tool = 1e3 * np.linalg.norm(self.tools - self.targets, axis=1)[rows]
+        tool = self.tool_errors[rows]
         drone = 1e3 * np.linalg.norm(self.places, axis=1)[rows]
         rms = [float(np.sqrt((x**2).mean())) for x in (tool, drone)]
-        return rms[0], float(tool.max()), rms[1], float(drone.max())
+        tilt = float(np.degrees(self.tilts[rows].max()))
+        return rms[0], float(tool.max()), rms[1], float(drone.max()), *self.bound, tilt
 
-    def with_bound(self, robot: Robot, mount: PoseConfig) -> 'HoldingRecord':
-        """Return this record with the physical bound of an arm under this moving drone."""
+    def with_bound(self, drone: DroneConfig) -> 'HoldingRecord':
+        """Return this record with the physical bound of an arm under a drone that moves like this."""
+        robot = load_robot(gravity_in_base=drone.gravity_in_base)
         reach = ArmReach(Kinematics(robot), JointLimits.from_config(load_arm_config()))
-        left: list[tuple[float, float]] = []
-        rows = np.flatnonzero(self.times > SETTLING)[::_BOUND_THINNED]
-        bodies = Rotation.from_quat(self.attitudes[rows])
-        for row, body in zip(rows, bodies.as_matrix(), strict=True):
+        mount, bounds = drone.mount, []
+        for row in np.flatnonzero(self.times > SETTLING)[::_BOUND_THINNED]:
+            body = Rotation.from_quat(self.attitudes[row]).as_matrix()
             place = self.places[row] + body @ mount.position
             pose = BasePose(place, np.zeros(3), body @ mount.rotation, np.zeros(3))
             q, target = self.postures[row], self.targets[row]
-            least = reach.margin(q, pose, target).least
-            left.append((reach.beyond(pose.to_base(target), q), least))
-        beyond, least = np.array(left).T
-        tilt = np.degrees(np.arccos(bodies.as_matrix()[:, 2, 2].min()))
-        return replace(self, bound=(1e3 * beyond.max(), 1e3 * least.min(), float(tilt)))
+            beyond = reach.beyond(pose.to_base(target), q)
+            bounds.append((beyond, -reach.margin(q, pose, target).least))
+        beyond, least = 1e3 * np.array(bounds).max(axis=0)
+        return replace(self, bound=(float(beyond), float(-least)))
 
 
-class HoldingBench:
+class HoldingBench(NodeBench):
     """Processes of one case in flight, with the tool held in the world.
 
     Raises
@@ -108,25 +94,18 @@ class HoldingBench:
         If a process fails or does not respond.
     """
 
-    recorded = topics.JOINT_STATES, topics.TRUE_ODOMETRY
-
     def __init__(
         self, stack: ExitStack, node: Node, folder: Path, case: HoldingCase, arm: ArmModel
     ) -> None:
-        self.node, self.case, self._folder = node, case, folder
-        drone = case.flown
-        file = write_drone(drone, folder / 'drone.yaml')
-        self._mount = drone.mount
-        self._robot = load_robot(gravity_in_base=drone.gravity_in_base)
-        self._kinematics = Kinematics(self._robot)
-        self._reader = RawReader(node, *self.recorded)
-        stack.callback(self._reader.destroy)
-        self._codec = JointStateCdr(load_arm_config().joint_names)
-        self._said: dict[str, tuple[bytes, str]] = {}
+        super().__init__(stack, node, folder)
+        self.case, self.drone = case, case.flown
+        file = write_drone(self.drone, folder / 'drone.yaml')
+        self.listener = FlightListener(node, self.drone.rotor_names)
+        stack.callback(self.listener.destroy)
         told = {'lead': 0.06, 'rate': 1.0, 'measured_motion': False, **arm.law, **case.carried}
-        self._start(stack, 'base_reaction', told)
+        self.start('base_reaction', told)
         pilot = {'drone_file': file, 'arm_wait': 5.0, **case.pilot, **arm.drawing}
-        self._start(stack, 'flight_control', pilot)
+        self.start('flight_control', pilot)
         law = {
             'drone_file': file,
             'base_motion': 'attitude' if case.law == ORDINARY else 'free',
@@ -135,81 +114,59 @@ class HoldingBench:
             **case.carried,
         }
         if case.law == HELD:
-            self.law = self._start(stack, 'computed_torque', law)
+            self.start('computed_torque', law)
         else:
             law.update(posture=list(POSTURE), mass_ratio_min=0.0)
             odometry = ('--ros-args', '-r', 'odometry:=external_odometry', '--')
-            self.law = self._start(stack, 'world_control', law, odometry)
+            self.start('world_control', law, odometry)
         world = {'seed': arm.seed, 'drone_file': file, **case.world}
-        self._start(stack, 'fake_hardware', world)
-        self._targets = self._publisher(topics.TOOL_TRAJECTORY)
-        self._motions = self._publisher(topics.TOOL_MOTION)
-        self._pushes = self._publisher(topics.TOOL_FORCE)
-        topic = topics.DIAGNOSTICS
-        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
+        self.start('fake_hardware', world)
+        inputs = topics.TOOL_TRAJECTORY, topics.TOOL_MOTION, topics.TOOL_FORCE
+        self._targets, self._motions, self._pushes = map(self.publisher_of, inputs)
         client = ArmClient(node, ['fake_hardware'], ['enable'])
         client.wait_for_mode(['idle'], PATIENCE)
-        self._wait('flight_control', lambda: bool(node.count_publishers('rotor_command')))
+        self.wait('flight_control', lambda: node.count_publishers('rotor_command'))
         if case.law != HELD:
-            inputs = self._targets, self._motions, self._pushes
-            self._wait(
-                'world_control', lambda: all(each.get_subscription_count() for each in inputs)
-            )
+            names = [topic.name for topic in inputs]
+            self.wait('world_control', lambda: all(map(node.count_subscribers, names)))
         client.call('enable')
-        self._wait('the drone', lambda: self.said('drone') == 'flying')
-
-    def said(self, name: str) -> str:
-        """Return the newest diagnostics of a node as text; '' if there are none."""
-        return self._said.get(name, (b'', ''))[1]
+        self.wait('the drone', lambda: self.said('drone') == 'flying')
 
     def fly(self, seconds: float) -> HoldingRecord:
         """Return the record of the tool after its target, which is its position at that time."""
-        begin, *_, start = self._seen(2.0)[-1]
+        begin, start = self._begin()
         if self.case.law != HELD:
             self._targets.publish(self._target(start))
             if self.case.path:
                 self._motions.publish(self._path(start, begin, seconds))
-        record = self._record(self._seen(seconds), begin, start)
+        record = self._record(self.seen(seconds), begin, start)
         if self.case.path:
             record.targets[:] += swing(record.times, path_length(seconds))
-        return record.with_bound(self._robot, self._mount)
+        return record.with_bound(self.drone)
 
-    def _record(
-        self, rows: list[tuple[float, ...]], begin: float, target: np.ndarray
-    ) -> HoldingRecord:
-        """Return the record of rows with one target, after the last diagnostics."""
-        columns = [np.array(column) for column in zip(*rows, strict=True)]
-        times, places, attitudes, postures, tools = columns
-        targets = np.tile(target, (len(times), 1))
+    def seen(self, seconds: float, is_new: bool = True) -> FlightRecord:
+        """Return the record of a time [s], or extend the previous one."""
+        if is_new:
+            self.listener.forget()
+        begin, _ = self.listener.next()
+        while self.listener.next()[0] < begin + seconds:
+            pass
+        return self.listener.record()
+
+    def _begin(self) -> tuple[float, np.ndarray]:
+        """Return time [s] and tool position (3,) [m] after two seconds."""
+        before = self.seen(2.0)
+        return float(before.times[-1]), before.tools(self.drone)[-1]
+
+    def _record(self, record: FlightRecord, begin: float, target: np.ndarray) -> HoldingRecord:
+        """Return the record with one target, after the last diagnostics."""
         spin_until(self.node, lambda: False, _REPORT)
-        said = self.said('world_control')
-        return HoldingRecord(times - begin, places, attitudes, postures, tools, targets, said)
-
-    def _seen(self, seconds: float) -> list[tuple[float, ...]]:
-        """Return rows of time, drone position and attitude, posture and tool position."""
-        rows: list[tuple[float, ...]] = []
-        q, deadline = None, time.monotonic() + PATIENCE
-        while not rows or rows[-1][0] < rows[0][0] + seconds:
-            if time.monotonic() > deadline:
-                raise TimeoutError('the simulation does not advance')
-            self._reader.wait(0.1)
-            state = self._reader.take_newest(0)
-            sample = self._codec.unpack(state[0]) if state else None
-            if sample is not None and sample.position is not None:
-                q = np.array(sample.position)
-            raw = self._reader.take_newest(1)
-            if raw is None or q is None:
-                continue
-            deadline = time.monotonic() + PATIENCE
-            rows.append(self._row(deserialize_message(raw[0], Odometry), q))
-        return rows
-
-    def _row(self, message: Odometry, q: np.ndarray) -> tuple[float, ...]:
-        p, r = message.pose.pose.position, message.pose.pose.orientation
-        place, turn = np.array([p.x, p.y, p.z]), np.array([r.x, r.y, r.z, r.w])
-        in_body = self._mount.position + self._mount.rotation @ self._kinematics.position(q)
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        return stamp, place, turn, q, place + rotation_matrix(turn) @ in_body
+        return HoldingRecord(
+            **vars(record.shifted(begin)),
+            tool_places=record.tools(self.drone),
+            targets=np.tile(target, (len(record.times), 1)),
+            diagnostics=self.said('world_control'),
+        )
 
     def _target(self, place: np.ndarray) -> PoseStamped:
         message = PoseStamped()
@@ -236,24 +193,6 @@ class HoldingBench:
             point.time_from_start = Duration(sec=seconds_of_it, nanosec=rest)
             message.points.append(point)
         return message
-
-    def _publisher(self, topic: object) -> object:
-        return self.node.create_publisher(topic.type, topic.name, topic.qos)
-
-    def _start(
-        self, stack: ExitStack, name: str, values: dict, arguments: tuple[str, ...] = ()
-    ) -> NodeProcess:
-        log = self._folder / f'{name}.log'
-        return stack.enter_context(NodeProcess(name, arguments, values, log=log))
-
-    def _wait(self, what: str, is_there: object) -> None:
-        if not spin_until(self.node, is_there, PATIENCE):
-            raise TimeoutError(f'{what} is not ready after {PATIENCE:g} s')
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            name = status.name.rpartition(': ')[2] if ': ' in status.name else status.name
-            self._said[name] = (status.level, status.message)
 
 
 def path_length(seconds: float) -> float:

@@ -1,6 +1,7 @@
 """Drone configurations of arbitrary mass, and their files."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import yaml
@@ -28,20 +29,5 @@ def scaled_drone(mass: float) -> DroneConfig:
 
 def write_drone(drone: DroneConfig, path: Path) -> Path:
     """Write a drone configuration file."""
-    poses = {
-        key: {'position': list(pose.position), 'rpy': list(pose.rpy)}
-        for key, pose in (('mount', drone.mount), ('imu', drone.imu))
-    }
-    keys = ('name', 'position', 'axis', 'moment_per_thrust', 'thrust_max', 'time_constant')
-    rotors = [{key: getattr(rotor, key) for key in keys} for rotor in drone.rotors]
-    for rotor in rotors:
-        rotor.update(position=list(rotor['position']), axis=list(rotor['axis']))
-    plain = {
-        'name': drone.name,
-        'mass': drone.mass,
-        'centre_of_mass': list(drone.centre_of_mass),
-        'inertia': list(drone.inertia),
-        'size': list(drone.size),
-    }
-    path.write_text(yaml.safe_dump({**plain, **poses, 'rotors': rotors}))
+    path.write_text(yaml.safe_dump(json.loads(json.dumps(asdict(drone)))))
     return path

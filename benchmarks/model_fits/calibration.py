@@ -11,63 +11,38 @@ import argparse
 import os
 import sys
 import time
-from dataclasses import dataclass
+from pathlib import Path
 
 for _variable in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS'):
     os.environ.setdefault(_variable, '1')
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerarm_ros.calibration.calibrate import Calibration, calibrate
-from aerarm_ros.calibration.chain import Chain, chain_of
+from aerarm_ros.calibration.chain import Chain
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import MarkerSource, Observations, PoseSource
 from aerarm_ros.calibration.posture_choice import choose_postures
-from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.clearance import ClearanceChecker
 from aerarm_ros.excitation.settings import load_excitation_config
-from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
-from aerarm_ros.simulation.made_geometry import MadeGeometry, rotation_about
-from aerarm_ros.simulation.mocap import MARKERS, EmulatedCamera, EmulatedMocap
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.simulation.made_geometry import rotation_about
+from aerarm_ros.simulation.mocap import MARKERS, EmulatedCamera
 
-Array = NDArray[np.float64]
+sys.path.append(str(Path(__file__).parents[2] / 'test' / 'calibration'))
+from measured_arm import LINK, ROBOT, MeasuredArm, own_chain
 
-ROBOT, CONFIG = load_robot(), load_arm_config()
-LINK = ROBOT.link_names[-1]
 HELD_OUT = 60
 FRAMES = 50  # in a rest of half a second at 100 Hz
 LIMIT = 0.5  # [mm] on held-out postures, with motion capture
 
 
-@dataclass
-class Arm:
-    """Emulated arm with geometric errors, and its measurement systems."""
+class Arm(MeasuredArm):
+    """An emulated arm, measured by a motion capture and by a camera."""
 
-    seed: int
-
-    def __post_init__(self) -> None:
-        """Generate the geometric errors."""
-        self.made = MadeGeometry.of(ROBOT, self.seed)
-        parameters = PlantParameters.nominal(CONFIG, self.made.robot)
-        self.plant = ArmPlant(self.made.robot, parameters)
-        self.mocap = EmulatedMocap(LINK, self.seed)
-        self.camera = EmulatedCamera(LINK, self.seed)
-
-    def put(self, q: Array) -> None:
-        """Move the arm until its encoders show a posture."""
-        self.plant.reset(q + self.made.offsets)
-
-    def markers(self, q: Array) -> MarkerSource:
-        """Return mean marker positions measured by motion capture."""
-        position = np.full((len(q), len(MARKERS), 3), np.nan)
-        for k, row in enumerate(q):
-            self.put(row)
-            frames = np.array([self.mocap.read(self.plant) for _ in range(FRAMES)])
-            seen = np.isfinite(frames[..., 0]).any(axis=0)
-            position[k, seen] = np.nanmean(frames[:, seen], axis=0)
-        return MarkerSource('mocap', self.mocap.names, position)
+    def __init__(self, seed: int) -> None:
+        super().__init__(seed, FRAMES, dropout=0.02)
+        self.camera = EmulatedCamera(LINK, seed)
 
     def poses(self, q: Array) -> PoseSource:
         """Return the marker pose measured by the camera, the mean of ten frames."""
@@ -80,14 +55,6 @@ class Arm:
                 rotation[k] = found[0][0]
                 position[k] = np.mean([frame[1] for frame in found], axis=0)
         return PoseSource('camera', rotation, position)
-
-    def truth(self, q: Array) -> Array:
-        """Return true marker positions in the motion capture frame, (M, K, 3) [m]."""
-        found = []
-        for row in q:
-            self.put(row)
-            found.append(self.mocap.true_positions(self.plant))
-        return np.array(found)
 
     def as_drawn(self, q: Array) -> Array:
         """Return marker positions by the nominal geometry and mount, (M, K, 3) [m]."""
@@ -119,8 +86,8 @@ def free_postures(checker: ClearanceChecker, count: int, seed: int) -> Array:
 
 def calibrated(arm: Arm, chain: Chain, q: Array, with_camera: bool) -> Calibration:
     """Return the calibration by motion capture, or by the camera only."""
-    source = arm.poses(q) if with_camera else arm.markers(q)
-    return calibrate(chain, Observations(q, (source,)))
+    observations = Observations(q, (arm.poses(q),)) if with_camera else arm.observe(q)
+    return calibrate(chain, observations)
 
 
 def main() -> int:
@@ -138,7 +105,7 @@ def main() -> int:
         surroundings.ground_clearance,
         surroundings.ground_height,
     )
-    chain = chain_of(ROBOT.urdf_text, ROBOT.joint_names, '', (), CONFIG.gravity_in_base)
+    chain = own_chain()
     geometry = ArmGeometry(ROBOT, LINK)
     choice = choose_postures(geometry, options.postures, lambda q: checker.margin(q) > 0.0)
     random = free_postures(checker, options.postures, 1)
@@ -149,18 +116,19 @@ def main() -> int:
         begin = time.process_time()
         arm = Arm(seed)
         held = free_postures(checker, HELD_OUT, 100 + seed)
-        truth = Observations(held, (MarkerSource('mocap', arm.mocap.names, arm.truth(held)),))
-        before = rms(arm.as_drawn(held) - arm.truth(held))
+        exact = arm.true_positions(held)
+        truth = Observations(held, (MarkerSource('mocap', arm.mocap.names, exact),))
+        before = rms(arm.as_drawn(held) - exact)
         found = calibrated(arm, chain, choice.q, with_camera=False)
         errors = [1e3 * found.errors(fit, truth)[0] for fit in
                   (found.registration, found.tried[1].fit, found.fit)]  # fmt: skip
         other = calibrated(arm, chain, random, with_camera=False)
         seen = calibrated(arm, chain, choice.q, with_camera=True)
-        exact = _camera_error(arm, seen, held)
+        by_camera = _camera_error(arm, seen, held)
         worst = max(worst, errors[2])
         print(
             f'{seed:3d}  {before:8.2f}  {errors[0]:20.2f}  {errors[1]:7.2f}  {errors[2]:10.3f}  '
-            f'{1e3 * other.errors(other.fit, truth)[0]:15.3f}  {exact:11.2f}'
+            f'{1e3 * other.errors(other.fit, truth)[0]:15.3f}  {by_camera:11.2f}'
             f'   {time.process_time() - begin:.0f} s',
             flush=True,
         )

@@ -15,7 +15,6 @@ import argparse
 import os
 import sys
 import time
-from importlib.metadata import files
 from pathlib import Path
 
 from aerarm_ros.realtime.scheduling import use_one_thread
@@ -28,26 +27,23 @@ from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
 from aerarm_ros.excitation.parallel_design import design_all
-from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
 from aerarm_ros.excitation.settings import ExcitationConfig, load_excitation_config
-from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.excitation.trajectory_designer import (
     DesignResult,
     DesignSpecification,
     Quality,
     TrajectoryDesigner,
 )
-from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
-from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.parallel import run_in_order
 
 sys.path.append(str(Path(__file__).parents[2] / 'test' / 'excitation'))
-
-from mujoco_arm import MujocoArm
+sys.path.append(str(Path(__file__).parents[1]))
+from goal_runs.identified_files import excited
+from identification_peers import measured_robot
+from mujoco_arm import MujocoArm, is_safe, with_landing_gear
 
 RANDOM = 21
 IDENTIFIED_RANDOM = 5
@@ -60,8 +56,6 @@ TIME_LIMIT = 55.0  # [s], the default of excitation_designer
 LARGEST_CONDITION = 25.0
 LONGEST_DESIGN = 60.0  # [s] on two cores
 SMALLEST_GAIN = 2.0
-CYCLE = 1e-3
-QUICK_ALIGNMENT = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
 
 
 def judged(met: bool) -> str:
@@ -100,52 +94,6 @@ def design(setup: ExcitationSetup) -> tuple[DesignResult, list[DesignResult]]:
     return best, random
 
 
-class EmulatedRun:
-    """Emulated boards that play trajectories faster than real time.
-
-    Parameters
-    ----------
-    setup, arm, robot : setup, configuration and model of the arm.
-    """
-
-    def __init__(self, setup: ExcitationSetup, arm: ArmConfig, robot: Robot) -> None:
-        self._setup, self._robot = setup, robot
-        self._arm = arm.with_encoders('absolute')
-
-    def play(self, name: str, trajectory: FourierTrajectory) -> Recording:
-        """Return the joint_states of two periods with run-in and run-out."""
-        boards = make_emulated_transport(self._arm, self._robot, 7, alignment=QUICK_ALIGNMENT)
-        bridge = BridgeCycle(self._arm, boards)
-        now = self._bring_up(bridge)
-        plan = self._setup.planner.plan(trajectory, 2, bridge.q.copy(), go_back=False)
-        names = self._arm.joint_names
-        player = ExcitationPlayer(plan, VelocityLaw(1.0), self._setup.stops)
-        rows = []
-        while not player.done:
-            command = player.update(round(now * 1e9), bridge.q)
-            bridge.command(OfferedCommand(names, None, command.dq, None, CYCLE, 'benchmark'), now)
-            now += CYCLE
-            bridge.update(now)
-            rows.append(np.concatenate([[now], bridge.q, bridge.dq, bridge.tau]))
-        assert player.fault is None, player.fault
-        data = np.array(rows)
-        stamps, q, dq, tau = np.split(data, [1, 5, 9], axis=1)
-        time_ = stamps[:, 0] - stamps[0, 0]
-        return Recording(name, tuple(names), time_, q, dq, tau, np.zeros(4, dtype=bool))
-
-    def _bring_up(self, bridge: BridgeCycle) -> float:
-        """Connect, enable and align the boards; return the time reached [s]."""
-        now = 100.0
-        for cycle in range(2500):
-            if cycle == 30:
-                answer = bridge.enable()
-                assert answer.accepted, answer.message
-            now += CYCLE
-            bridge.update(now)
-        assert bridge.mode == 'ready', (bridge.mode, bridge.faults)
-        return now
-
-
 def chosen_friction(arm: ArmConfig, robot: Robot, recording: Recording) -> str:
     """Return which of the two friction models the identifier chooses automatically."""
     result = identify(robot, arm, [recording], [], IdentificationOptions(), Stopwatch())
@@ -167,13 +115,16 @@ def compare_identified(
     setup: ExcitationSetup, arm: ArmConfig, robot: Robot, best: DesignResult, random: list
 ) -> None:
     """Identify from the emulated arm after designed and after random trajectories."""
-    run = EmulatedRun(setup, arm, robot)
-    designed = run.play('designed', best.trajectory)
+
+    def play(name: str, trajectory: FourierTrajectory) -> Recording:
+        return excited(name, setup, arm, trajectory, 7, periods=2)
+
+    designed = play('designed', best.trajectory)
     # Random trajectories of median predicted quality.
     ranked = sorted(random, key=lambda result: result.quality.log_deviation)
     middle = len(ranked) // 2 - IDENTIFIED_RANDOM // 2
     others = [
-        run.play(f'random{i}', result.trajectory)
+        play(f'random{i}', result.trajectory)
         for i, result in enumerate(ranked[middle : middle + IDENTIFIED_RANDOM])
     ]
     # The emulated gears' friction depends on load. A model without it has a residual that grows
@@ -198,17 +149,6 @@ def compare_identified(
         )
 
 
-def with_landing_gear(robot: Robot) -> Robot:
-    """Return the arm on a base surrounded by four legs."""
-    legs = ''.join(
-        f'<collision name="leg{i}"><origin xyz="{x} {y} 0.1"/>'
-        '<geometry><box size="0.03 0.03 0.5"/></geometry></collision>'
-        for i, (x, y) in enumerate([(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)])
-    )
-    base = '<link name="base_link">'
-    return load_robot(robot.urdf_text.replace(base, base + legs))
-
-
 def check_independently(arm: ArmConfig, robot: Robot, setup: ExcitationSetup) -> int:
     """Check random trajectories twice; return the number of unsafe ones that are accepted."""
     legged = with_landing_gear(robot)
@@ -224,7 +164,7 @@ def check_independently(arm: ArmConfig, robot: Robot, setup: ExcitationSetup) ->
         accepted = setup.checker.check_trajectory(
             trajectory, config.ramp_time, stop_early=True
         ).feasible
-        safe = is_safe(trajectory, setup, other)
+        safe = is_safe(setup, other, trajectory, 5e-3)
         counts['accepted, safe'] += accepted and safe
         counts['accepted, UNSAFE'] += accepted and not safe
         counts['rejected'] += not accepted and not safe
@@ -232,30 +172,6 @@ def check_independently(arm: ArmConfig, robot: Robot, setup: ExcitationSetup) ->
     text = ', '.join(f'{count} {name}' for name, count in counts.items())
     print(f'{CHECKED} random trajectories in {time.monotonic() - began:.0f} s: {text}')
     return counts['accepted, UNSAFE']
-
-
-def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: MujocoArm) -> bool:
-    """Return whether all limits are satisfied in MuJoCo on a grid of 5 ms."""
-    config, limits = setup.config, setup.usable_limits
-    motion = RampedExcitation(trajectory, 1, config.ramp_time)
-    states = motion.evaluate(np.arange(0.0, motion.duration, 5e-3))
-    if (
-        (states.q < limits.position_min).any()
-        or (states.q > limits.position_max).any()
-        or (np.abs(states.dq) > limits.velocity).any()
-        or (np.abs(states.ddq) > limits.acceleration).any()
-    ):
-        return False
-    for q, dq, ddq in zip(*states, strict=True):
-        itself, ground = other.distances(q)
-        if itself < config.self_clearance - 1e-5 or ground < config.ground_clearance - 1e-5:
-            return False
-        effort = np.abs(other.effort(q, dq, ddq))
-        if (effort > limits.effort).any():
-            return False
-        if (effort > limits.current * setup.torque_per_ampere).any():
-            return False
-    return True
 
 
 def random_quality(specification: DesignSpecification, seed: int) -> Quality:
@@ -266,13 +182,8 @@ def random_quality(specification: DesignSpecification, seed: int) -> Quality:
 def design_other_arms() -> None:
     """Design for other arms by default settings; compare with the best of many random ones."""
     for name, locked in OTHER_ARMS.items():
-        (urdf,) = (
-            str(file.locate())
-            for file in files('example-robot-data') or ()
-            if file.name == name and file.parent.name == 'urdf'
-        )
         began = time.monotonic()
-        robot = load_robot(urdf, locked=locked)
+        robot = measured_robot(name, locked)
         setup = ExcitationSetup.of_robot(robot, ExcitationConfig())
         specification = DesignSpecification(setup)
         outcomes = design_all(

@@ -26,6 +26,7 @@ from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 
 _ARMS = 10
 _RATE, _SECONDS, _F0, _HARMONICS = 100.0, 20.0, 0.1, 5
@@ -62,7 +63,9 @@ def write_bag(path: Path, robot: Robot, arm: int, month: int) -> None:
     if arm == _DRIFT:
         coulomb[1] *= 1.0 + 0.03 * month
     rotor = 0.012 * built.normal(1.0, 0.02, robot.n)
-    t, q, dq, ddq = motion(robot.n, recorded)
+    t = np.arange(0.0, _SECONDS, 1.0 / _RATE)
+    series = recorded.uniform(-0.35, 0.35, (2, robot.n, _HARMONICS))
+    q, dq, ddq = FourierTrajectory(_F0, np.array([0.0, np.pi / 2, 0.0, 0.0]), *series).evaluate(t)
     model = robot.with_inertial_parameters(inertial).model
     data = model.createData()
     tau = np.array([pin.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)])
@@ -78,17 +81,6 @@ def write_bag(path: Path, robot: Robot, arm: int, month: int) -> None:
             stamp = round((_FIRST + _MONTH * month + row[0]) * 1e9)
             payload = bytes(codec.pack(stamp, *row[1:]))
             writer.write(RecordedMessage(0, payload, stamp, stamp, number))
-
-
-def motion(n: int, random: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """Return time (M,), and q, dq, ddq (M, n) of two periods of a random Fourier series."""
-    t = np.arange(0.0, _SECONDS, 1.0 / _RATE)
-    omega = 2.0 * np.pi * _F0 * np.arange(1, _HARMONICS + 1)
-    alpha, beta = random.uniform(-0.35, 0.35, (2, n, _HARMONICS))
-    s, c = np.sin(np.outer(t, omega)), np.cos(np.outer(t, omega))
-    q = np.array([0.0, np.pi / 2, 0.0, 0.0]) + s @ alpha.T + c @ beta.T
-    dq = (c * omega) @ alpha.T - (s * omega) @ beta.T
-    return t, q, dq, -(s * omega**2) @ alpha.T - (c * omega**2) @ beta.T
 
 
 def identify(bags: Path, out: Path, count: int, workers: int) -> int:

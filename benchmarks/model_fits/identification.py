@@ -37,6 +37,7 @@ from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.payload import identify_payload
 from aerarm_ros.identification.recording.recording import JointMapping, Recording
@@ -83,20 +84,16 @@ def write_bag(
 ) -> None:
     """Record a simulated motion with noise and friction."""
     random = np.random.default_rng(seed)
-    alpha, beta = random.uniform(-0.35, 0.35, (2, robot.n, 5))
+    series = random.uniform(-0.35, 0.35, (2, robot.n, 5))
     t = np.arange(0.0, seconds, 1.0 / RATE)
-    omega = 0.2 * np.pi * np.arange(1, 6)
-    s, c = np.sin(np.outer(t, omega)), np.cos(np.outer(t, omega))
-    q = np.array([0.0, np.pi / 2, 0.0, 0.0]) + s @ alpha.T + c @ beta.T
-    dq = (c * omega) @ alpha.T - (s * omega) @ beta.T
-    ddq = -(s * omega**2) @ alpha.T - (c * omega**2) @ beta.T
+    q, dq, ddq = FourierTrajectory(0.1, np.array([0.0, np.pi / 2, 0.0, 0.0]), *series).evaluate(t)
     arm = robot.with_inertial_parameters(plant.inertial_parameters)
     dynamics = Dynamics(arm, plant.rotor_inertia)
     links = np.array([dynamics.inverse(*x) for x in zip(q, dq, ddq, strict=True)])
     dry = plant.coulomb + plant.load_friction * np.abs(links)
     tau = links + plant.viscous * dq + dry * np.sign(dq)
     tau += 0.05 * random.standard_normal(tau.shape)
-    dq += 0.01 * random.standard_normal(dq.shape)
+    dq = dq + 0.01 * random.standard_normal(dq.shape)
     with BagWriter(path, [RecordedTopic(name, kind) for name, kind in TOPICS.items()]) as writer:
         for message in messages(robot, t, (q, dq, tau)):
             writer.write(message)

@@ -109,7 +109,9 @@ def row(name: str, error: float, consistent: bool, seconds: float) -> None:
 
 def measured_robot(file: str, locked: tuple[str, ...] = ()) -> Robot:
     """Return an arm of the package example-robot-data."""
-    (found,) = [f for f in files('example-robot-data') or () if f.name == file]
+    found = next(
+        f for f in files('example-robot-data') or () if f.name == file and f.parent.name == 'urdf'
+    )
     return load_robot(Path(str(found.locate())), locked=list(locked))
 
 

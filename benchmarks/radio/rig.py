@@ -10,7 +10,6 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from radio.two_hosts import DRONE, Host, TwoHosts, stop
@@ -129,7 +128,7 @@ class Rig:
         self._drone_link = self._node(drone, 'ground_link', **self._common, **self._given)
         self._watch = self._speak(drone, 'loop_watch')
         self.drone = self._speak(drone, 'stop_presser')
-        self._wait_for((folder / 'key').exists)
+        wait_for('the key', (folder / 'key').exists)
         self._start_ground_link()
         self.ground = self._speak(ground, 'stop_presser', 'watch')
         for speaker in (self._watch, self.drone, self.ground):
@@ -215,7 +214,7 @@ class Rig:
         begin = time.monotonic()
         self._start_ground_link()
         back = self.ground.wait(lambda row: 'back' in row, begin)
-        self._wait_for(lambda: 'the drone is connected' in self.log('ground', 'ground_link'))
+        wait_for_text(self.folder / 'ground_ground_link.log', 'the drone is connected')
         stamps = [
             float(line.split('[')[2].split(']')[0])
             for line in self.log('ground', 'ground_link').splitlines()
@@ -246,12 +245,7 @@ class Rig:
     def __enter__(self) -> Rig:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stack.close()
 
     def _start_ground_link(self) -> None:
@@ -282,14 +276,6 @@ class Rig:
         )
         return Speaker(process, log)
 
-    @staticmethod
-    def _wait_for(condition: Callable[[], object]) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            if time.monotonic() > deadline:
-                raise TimeoutError('ground_link did not start')
-            time.sleep(0.05)
-
 
 def is_fault(row: dict[str, object]) -> bool:
     """Return whether a row reports that an e-stop has damped the arm."""
@@ -309,13 +295,18 @@ def shifted_clock(offset: str) -> dict[str, str]:
     return {'LD_PRELOAD': str(library), 'FAKETIME': offset}
 
 
-def wait_for_text(log: Path, text: str) -> None:
-    """Wait until a process has printed a text."""
+def wait_for(what: str, condition: Callable[[], object]) -> None:
+    """Wait until a condition holds."""
     deadline = time.monotonic() + PATIENCE
-    while text not in log.read_text():
+    while not condition():
         if time.monotonic() > deadline:
-            raise TimeoutError(f'{log.name} lacks {text!r}: {log.read_text()}')
+            raise TimeoutError(f'waited in vain for {what}')
         time.sleep(0.02)
+
+
+def wait_for_text(log: Path, text: str) -> None:
+    """Wait until a log file contains a text."""
+    wait_for(f'{text!r} in {log.name}', lambda: text in log.read_text())
 
 
 def run(rig: Rig, *words: str) -> str:

@@ -14,7 +14,6 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 
 DRONE, GROUND = '10.77.0.1', '10.77.0.2'
 """Addresses of the two hosts on the radio."""
@@ -174,12 +173,7 @@ class TwoHosts:
     def __enter__(self) -> TwoHosts:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -8,7 +8,6 @@ bridge ten times per second. A bare loop and cyclictest run in parallel.
 
 import argparse
 import gc
-import os
 import resource
 import sys
 import time
@@ -16,10 +15,9 @@ import timeit
 from contextlib import ExitStack
 
 import numpy as np
-import rclpy
 from bare_loop import BareLoops
 from timing.diagnosed import Diagnosed
-from timing.node_run import processor_time
+from timing.node_run import processor_time, ros_node
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
@@ -96,12 +94,8 @@ def peak_memory() -> int:
 
 
 def real_time_run(seconds: float) -> None:
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    rclpy.init(args=[])
-    node = rclpy.create_node('bench')
-    diagnosed, arm = Diagnosed(node, BRIDGE), ArmClient(node, [BRIDGE])
-    with ExitStack() as stack:
+    with ros_node() as node, ExitStack() as stack:
+        diagnosed, arm = Diagnosed(node, BRIDGE), ArmClient(node, [BRIDGE])
         bridge, controller = (
             stack.enter_context(NodeProcess(name, (), {'lock_memory': True, **parameters}))
             for name, parameters in (
@@ -127,8 +121,6 @@ def real_time_run(seconds: float) -> None:
         for name, share in used.items():
             print(f'{"CPU of the " + name:38}{100.0 * share / passed:8.1f} % of a core')
         print(f'{"mode at the end":38}{diagnosed.values["arm"]["mode"]:>8}')
-    node.destroy_node()
-    rclpy.shutdown()
 
 
 def report(diagnosed: Diagnosed, before: dict[str, str], answers: int) -> None:

@@ -10,37 +10,22 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 
 import rclpy
-from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter_client import AsyncParameterClient
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from timing.waiting import wait_until
 
+from aerarm_msgs_py.live_topics import HiddenFromExecutors
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.process.node_process import ros_environment
 
 KINDS = ('lean', 'rclpy', 'events')
 PATIENCE = 60.0  # [s]
-
-
-class Closed(CallbackGroup):
-    """Callback group that never runs a callback."""
-
-    def can_execute(self, entity: object) -> bool:
-        """Return False, so that no callback runs."""
-        return False
-
-    def beginning_execution(self, entity: object) -> bool:
-        """Return False, so that no callback runs."""
-        return False
-
-    def ending_execution(self, entity: object) -> None:
-        """Do nothing, because no callback runs."""
 
 
 def serve(kind: str) -> None:
@@ -54,7 +39,9 @@ def serve(kind: str) -> None:
         return response
 
     node.create_service(Trigger, '~/cost', answer)
-    node.create_subscription(String, '~/read_by_loop', taken.append, 10, callback_group=Closed())
+    node.create_subscription(
+        String, '~/read_by_loop', taken.append, 10, callback_group=HiddenFromExecutors()
+    )
     if kind == 'lean':
         with BackgroundExecutor(node):
             sys.stdin.read()
@@ -120,15 +107,6 @@ def measure(node: Node, kind: str, count: int) -> str:
         f'taken from the loop, ended after {end:.1f} s with status {server.returncode} '
         f'{said.strip()}'
     )
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    """Spin until a condition is true."""
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        if time.monotonic() > deadline:
-            raise TimeoutError('the server was not found')
-        time.sleep(0.02)
 
 
 def main() -> None:

@@ -12,8 +12,8 @@ import re
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from counting.work import PIECES, answering
 
@@ -26,8 +26,7 @@ PER_CYCLE = (1.2, 0.6)  # instructions of an interpreter per cycle of an A72, be
 RATE = 1000.0  # [Hz]
 
 
-@dataclass(frozen=True)
-class Counts:
+class Counts(NamedTuple):
     """Instructions, data references and bytes from memory."""
 
     instructions: float
@@ -51,15 +50,6 @@ class Counts:
         misses = found('LL misses')
         return Counts(found('I *refs'), found('D *refs'), LINE * misses)
 
-    def per_cycle(self, less: 'Counts') -> 'Counts':
-        """Return the cost per cycle from the counts of many and of fewer cycles."""
-        cycles = MANY - FEW
-        return Counts(
-            (self.instructions - less.instructions) / cycles,
-            (self.references - less.references) / cycles,
-            (self.traffic - less.traffic) / cycles,
-        )
-
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -75,7 +65,7 @@ def main() -> None:
     print(f'{"a cycle of":18}{"instructions":>14}{"data refs":>12}{"KiB/cycle":>11}  A72 core, %')
     for piece in options.pieces or [name for name in PIECES if name != answering.__name__]:
         few, many = (Counts.of(piece, cycles) for cycles in (FEW, MANY))
-        cycle = many.per_cycle(few)
+        cycle = Counts(*((m - f) / (MANY - FEW) for m, f in zip(many, few, strict=True)))
         shares = [100.0 * RATE * cycle.instructions / (CLOCK * ipc) for ipc in PER_CYCLE]
         print(
             f'{piece:18}{cycle.instructions:14.0f}{cycle.references:12.0f}'

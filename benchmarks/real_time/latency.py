@@ -28,6 +28,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from timing.node_run import EMULATED, EXCITATION, REAL, measure, median, why_not
+from timing.waiting import wait_until
 
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
@@ -192,14 +193,6 @@ def spin(node: Node, going_on: Callable[[], bool]) -> None:
     executor.add_node(node)
     while going_on():
         executor.spin_once(timeout_sec=SILENCE)
-
-
-def wait_until(condition: Callable[[], object]) -> None:
-    end = time.monotonic() + 20.0
-    while not condition():
-        if time.monotonic() > end:
-            raise TimeoutError('the other process was not found: check ROS_DOMAIN_ID')
-        time.sleep(0.01)
 
 
 def stamp_of(message: JointState) -> int:

@@ -6,43 +6,25 @@ process, from start to end.
 """
 
 import argparse
-import os
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from rclpy.node import Node
+from timing.node_run import record_excitation, ros_node
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
-from aerarm_ros.ros.process.node_process import NodeProcess
-from aerarm_ros.ros.requests.arm_client import ArmClient
 
 TOPICS = (topics.JOINT_STATES.name, topics.JOINT_COMMAND.name)
-PERIODS = 2  # of 10 s each
 GOAL = 12.0  # [s]
 
 
 def play(folder: Path, node: Node, priority: int) -> tuple[float, dict[str, dict[float, bytes]]]:
     """Play the excitation; return its duration [s], and the recorded messages by topic."""
     folder.mkdir()
-    bag, arm = folder / 'bag', ArmClient(node, ['fake_hardware'])
-    hardware = {'pace': 'lockstep', 'seed': 3, 'encoders': 'absolute'}
-    hardware['realtime_priority'] = priority
-    motion = {'seed': 1, 'periods': PERIODS, 'subscribers': 2, 'wait_for_recorder': True}
-    motion['realtime_priority'] = max(0, priority - 1)
-    with NodeProcess('fake_hardware', (), hardware, log=folder / 'hardware.log'):
-        arm.wait_for_mode(['idle'], 60.0)
-        arm.call('enable')
-        arm.wait_for_mode(['ready'], 60.0)
-        with NodeProcess('recorder', (), {'bag': bag}, log=folder / 'recorder.log'):
-            begun = time.monotonic()
-            with NodeProcess('excitation', (), motion, log=folder / 'excitation.log') as excitation:
-                if excitation.wait(600.0) != 0:
-                    raise SystemExit(f'lockstep: excitation failed:\n{excitation.tail()}')
-            took = time.monotonic() - begun
+    bag = folder / 'bag'
+    took = record_excitation(node, folder, bag, 3, priority)
     return took, {topic: recorded(bag, topic) for topic in TOPICS}
 
 
@@ -70,16 +52,10 @@ def main() -> None:
     )
     parser.add_argument('--priority', type=int, default=80, help='SCHED_FIFO priority; 0 for none')
     options = parser.parse_args()
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    rclpy.init(args=[])
-    node = rclpy.create_node('bench')
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, ros_node() as node:
         runs = [
             play(Path(folder) / str(run), node, options.priority) for run in range(options.runs)
         ]
-    node.destroy_node()
-    rclpy.shutdown()
     first = runs[0][1]
     stamps = sorted(first[topics.JOINT_COMMAND.name])
     print(f'motion of {stamps[-1] - stamps[0]:.1f} s, {len(stamps)} commands')

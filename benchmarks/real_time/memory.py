@@ -11,7 +11,6 @@ which omits recorder and base_reaction.
 """
 
 import argparse
-import os
 import socket
 import tempfile
 import time
@@ -19,9 +18,9 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from rclpy.duration import Duration
 from rclpy.node import Node
+from timing.node_run import processor_time, ros_node
 from timing.onlooker import Onlooker
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -41,12 +40,6 @@ def memory(pid: int) -> tuple[float, ...]:
     lines = Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines()[1:]
     sizes = {line.split(':')[0]: float(line.split()[1]) for line in lines}
     return sizes['Private_Clean'] + sizes['Private_Dirty'], sizes['Pss'], sizes['Rss']
-
-
-def processor(pid: int) -> float:
-    """Return the processor time that a process has used [s]."""
-    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def slope(times: np.ndarray, size: np.ndarray) -> tuple[float, float]:
@@ -141,7 +134,7 @@ def watch(
         for name, process in nodes.items():
             if process.returncode is not None:
                 raise SystemExit(f'memory: {name} has ended:\n{process.tail()}')
-            samples[name].append((passed, *memory(process.pid), processor(process.pid)))
+            samples[name].append((passed, *memory(process.pid), processor_time(process)))
         if spin_until(node, lambda: arm.mode == 'damping', PERIOD):
             with suppress(ArmClientError):  # the arm may no longer be damped
                 arm.call('hold')
@@ -161,11 +154,7 @@ def main() -> None:
     )
     parser.add_argument('--page-only', action='store_true', help='omit recorder and base_reaction')
     options = parser.parse_args()
-    os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    rclpy.init(args=[])
-    node = rclpy.create_node('bench')
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+    with tempfile.TemporaryDirectory() as folder, ros_node() as node, ExitStack() as stack:
         arm = ArmClient(node, ['fake_hardware'])
         nodes, swing, onlooker = start(node, arm, Path(folder), stack, options)
         begun = time.monotonic() + 60.0 * WARM_UP * options.minutes
@@ -178,8 +167,6 @@ def main() -> None:
             process.stop()
         for name in ('fake_hardware', 'recorder'):
             print(nodes[name].tail(1) if name in nodes else f'no {name}')
-    node.destroy_node()
-    rclpy.shutdown()
     print(f'page: {seen}')
     print(f'{"":16} {"own":>8}  slope, MiB an hour: {"own":>5} {"PSS":>18} {"RSS":>18}  processor')
     for name, rows in samples.items():

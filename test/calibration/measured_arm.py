@@ -33,17 +33,20 @@ class MeasuredArm:
         Number of frames in a posture's mean.
     wobble : (n, 2) ndarray
         First harmonic of each gear: factors of sin q and cos q in the true position [rad].
+    dropout : float
+        Probability that the motion capture misses a marker.
     """
 
     seed: int
     frames: int = 1
     wobble: np.ndarray = field(default_factory=lambda: np.zeros((ROBOT.n, 2)))
+    dropout: float = 0.05
 
     def __post_init__(self) -> None:
         self.made = MadeGeometry.of(ROBOT, self.seed)
         parameters = PlantParameters.nominal(CONFIG, self.made.robot)
         self.plant = ArmPlant(self.made.robot, parameters)
-        self.mocap = EmulatedMocap(LINK, self.seed, MocapSettings(dropout=0.05))
+        self.mocap = EmulatedMocap(LINK, self.seed, MocapSettings(dropout=self.dropout))
 
     def put(self, q: np.ndarray) -> None:
         """Move the arm until its encoders show a posture."""

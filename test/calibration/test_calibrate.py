@@ -22,7 +22,7 @@ def predicted_deviation(fit: Fit, q: Array) -> Array:
     index = np.zeros(count, dtype=int)
     sources = fit.observations.rows(index).sources
     observations = Observations(q, sources)
-    rows = np.concatenate(fit.jacobian(observations), axis=1)
+    rows = np.concatenate(replace(fit, observations=observations).jacobian(), axis=1)
     return np.asarray(np.sqrt(np.einsum('mki,ij,mkj->mk', rows, fit.covariance, rows)))
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from aerarm_ros.description.arm_config import ArmConfig, ConfigError, load_arm_config
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.config_reader import ConfigError
 from aerarm_ros.description.resources import resource
 
 Document = dict[str, Any]

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.resources import resource
-from aerarm_ros.description.robot import DescriptionError, Robot, load_robot
+from aerarm_ros.description.robot import Robot, load_robot
 
 FindUrdf = Callable[[str], Path]
 FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')

@@ -3,7 +3,9 @@
 import mujoco
 import numpy as np
 
-from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 
 GROUND = 'ground'
 
@@ -108,3 +110,38 @@ class MujocoArm:
         self.model.opt.disableflags = flags
         viscous, coulomb = self._friction
         return self.data.qfrc_inverse + viscous * dq + coulomb * np.sign(dq)
+
+
+def with_landing_gear(robot: Robot) -> Robot:
+    """Return the arm with four legs around it, fixed to its base."""
+    legs = ''.join(
+        f'<collision name="leg{i}"><origin xyz="{x} {y} 0.1"/>'
+        '<geometry><box size="0.03 0.03 0.5"/></geometry></collision>'
+        for i, (x, y) in enumerate([(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)])
+    )
+    base = '<link name="base_link">'
+    return load_robot(robot.urdf_text.replace(base, base + legs))
+
+
+def is_safe(
+    setup: ExcitationSetup, other: MujocoArm, trajectory: FourierTrajectory, step: float
+) -> bool:
+    """Return whether a played trajectory keeps all limits and clearances in the other engine."""
+    config, limits = setup.config, setup.usable_limits
+    motion = RampedExcitation(trajectory, 1, config.ramp_time)
+    states = motion.evaluate(np.arange(0.0, motion.duration, step))
+    strongest = np.minimum(limits.effort, limits.current * setup.torque_per_ampere)
+    if (
+        (states.q < limits.position_min).any()
+        or (states.q > limits.position_max).any()
+        or (np.abs(states.dq) > limits.velocity).any()
+        or (np.abs(states.ddq) > limits.acceleration).any()
+    ):
+        return False
+    for q, dq, ddq in zip(*states, strict=True):
+        itself, ground = other.distances(q)
+        if itself < config.self_clearance - 1e-5 or ground < config.ground_clearance - 1e-5:
+            return False
+        if (np.abs(other.effort(q, dq, ddq)) > strongest).any():
+            return False
+    return True

@@ -5,12 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.description.arm_config import (
-    ArmConfig,
-    DriveTrain,
-    load_arm_config,
-    torque_constant,
-)
+from aerarm_ros.description.arm_config import ArmConfig, DriveTrain, load_arm_config
+from aerarm_ros.description.drive_config import torque_constant
 
 
 def changed(config: ArmConfig, index: int, **fields: object) -> ArmConfig:

@@ -6,30 +6,33 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.kinematics import (
-    ARM_LENGTH,
-    DH_BASE_HEIGHT,
-    Kinematics,
-    dh_forward,
-    dh_transform,
-)
+from aerarm_ros.model.kinematics import Kinematics
 
 UPRIGHT = np.array([0.3, np.pi / 2, -0.4, 0.0])
+ARM_LENGTH = 0.65  # [m] DH length d_3 of thesis table 2.1, from joint 2 to joint 4
+DH_BASE_HEIGHT = 0.167  # [m] of the DH base frame above base_link, thesis A.4
+DH_TABLE = (  # thesis table 2.1: a_i [m], d_i [m], alpha_i [rad], offset of theta_i [rad]
+    (0.0, 0.0, np.pi / 2, 0.0),
+    (0.0, 0.0, np.pi / 2, np.pi / 2),
+    (0.0, ARM_LENGTH, np.pi / 2, 0.0),
+    (0.0, 0.0, 0.0, 0.0),
+)
+
+
+def dh_forward(q: np.ndarray) -> np.ndarray:
+    """Return T_4^0(q) of the thesis's DH table, the pose of the wrist in the DH base frame."""
+    transform = np.eye(4)
+    for (a, d, alpha, offset), angle in zip(DH_TABLE, q, strict=True):
+        for axis, length, turn in (('z', d, angle + offset), ('x', a, alpha)):
+            screw = np.eye(4)
+            screw[:3, :3] = Rotation.from_euler(axis, turn).as_matrix()
+            screw[:3, 3] = length * (np.array(list('xyz')) == axis)
+            transform = transform @ screw
+    return transform
 
 
 def last_frame(robot: Robot) -> str:
     return str(robot.link_names[-1])
-
-
-def test_a_dh_transform_is_its_four_elementary_motions() -> None:
-    a, d, alpha, theta = 0.3, -0.2, 0.7, -1.1
-    screws = []
-    for axis, length, angle in (('z', d, theta), ('x', a, alpha)):
-        motion = np.eye(4)
-        motion[:3, :3] = Rotation.from_euler(axis, angle).as_matrix()
-        motion[:3, 3] = length * (np.array(list('xyz')) == axis)
-        screws.append(motion)
-    assert np.allclose(dh_transform(a, d, alpha, theta), screws[0] @ screws[1])
 
 
 def test_urdf_and_dh_table_agree_on_the_wrist(arm: Robot, rng: np.random.Generator) -> None:

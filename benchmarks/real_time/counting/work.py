@@ -17,6 +17,7 @@ import numpy as np
 import rclpy
 from counting.replayed_boards import replayed_cycle
 from rclpy.node import Node
+from timing.waiting import wait_until
 
 from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
@@ -109,8 +110,9 @@ def topics(cycles: int) -> None:
     with _node('counted') as node:
         streams, values = BridgeStreams(node, NAMES), np.full(4, 0.1)
         with _partner():
-            _until(
-                lambda: node.count_subscribers(JOINT_STATES.name) and streams.commands.publishers()
+            wait_until(
+                lambda: node.count_subscribers(JOINT_STATES.name) and streams.commands.publishers(),
+                120.0,  # counting slows execution down
             )
             for _ in range(cycles):
                 streams.publish(time.time_ns(), [values] * 3, [values] * 3, values)
@@ -163,14 +165,6 @@ def _partner() -> Iterator[None]:
             yield
         finally:
             process.kill()
-
-
-def _until(condition: Callable[[], object]) -> None:
-    end = time.monotonic() + 120.0  # counting slows execution down
-    while not condition():
-        if time.monotonic() > end:
-            raise SystemExit('the answering process was not found: check ROS_DOMAIN_ID')
-        time.sleep(0.05)
 
 
 PIECES: dict[str, Callable[[int], None]] = {

@@ -3,16 +3,13 @@
 import os
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, fields
+from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
-import rclpy
-from rclpy.node import Node
 from timing.arrivals import Arrivals
 from timing.diagnosed import Diagnosed
 
@@ -21,7 +18,10 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
 sys.path.insert(0, str(Path(__file__).parents[3] / 'test' / 'hardware'))
+sys.path.append(str(Path(__file__).parents[2]))
 import spi_boards
+from flying.arm_model import record_excitation  # noqa: F401 - for other programs
+from flying.node_bench import ros_node
 
 EMULATED, REAL = 'fake_hardware', 'hardware_bridge'
 EXCITATION = 'excitation'
@@ -31,8 +31,7 @@ WARM_UP = 2.0  # [s]
 _RUNS = count()
 
 
-@dataclass(frozen=True)
-class NodeFigures:
+class NodeFigures(NamedTuple):
     """Figures of a run of two nodes; times [us], fractions [%].
 
     Attributes
@@ -64,8 +63,7 @@ class NodeFigures:
 
 def median(runs: list[NodeFigures]) -> NodeFigures:
     """Return the median of each figure."""
-    names = [field.name for field in fields(NodeFigures)]
-    return NodeFigures(*(float(np.median([getattr(run, name) for run in runs])) for name in names))
+    return NodeFigures(*np.median(runs, axis=0).tolist())
 
 
 def why_not(bridge: str) -> str:
@@ -97,7 +95,7 @@ def measure(bridge: str, controller: str, seconds: float, ask: bool) -> NodeFigu
 def _run(
     stack: ExitStack, bridge: str, controller: str, logs: list[Path], seconds: float, ask: bool
 ) -> NodeFigures:
-    node = stack.enter_context(_node_in_own_domain())
+    node = stack.enter_context(ros_node(os.getpid() + next(_RUNS)))
     environment, own = {}, {'pace': 'real_time', 'encoders': 'absolute'}
     if bridge == REAL:
         environment = stack.enter_context(spi_boards.SpiBoards()).environment
@@ -119,24 +117,6 @@ def _run(
     diagnosed.wait_for(controller, 'answer p50 [us]')
     diagnosed.spin(WARM_UP)
     return _figures(diagnosed, {'bridge': master, controller: slave}, seconds, ask)
-
-
-@contextmanager
-def _node_in_own_domain() -> Iterator[Node]:
-    """Yield a node in a ROS domain that no earlier run used.
-
-    A process that replaces one with an abnormal end initially receives no messages
-    (docs/decisions.md, 58).
-    """
-    os.environ['ROS_DOMAIN_ID'] = str(1 + (os.getpid() + next(_RUNS)) % 100)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    rclpy.init(args=[])
-    node = rclpy.create_node('bench')
-    try:
-        yield node
-    finally:
-        node.destroy_node()
-        rclpy.shutdown()
 
 
 def _figures(

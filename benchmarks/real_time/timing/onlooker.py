@@ -1,7 +1,9 @@
 """Client of the view page that receives all messages and counts frames."""
 
+import sys
 import threading
 import time
+from pathlib import Path
 
 import msgspec  # viser installs these three
 import numpy as np
@@ -10,18 +12,9 @@ import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-_CAMERA = {
-    'type': 'ViewerCameraMessage',
-    'wxyz': [1.0, 0.0, 0.0, 0.0],
-    'position': [0.8, -0.9, 0.7],
-    'fov': 1.3,
-    'near': 0.01,
-    'far': 1000.0,
-    'image_height': 900,
-    'image_width': 1400,
-    'look_at': [0.0, 0.0, 0.3],
-    'up_direction': [0.0, 0.0, 1.0],
-}
+sys.path.append(str(Path(__file__).parents[3] / 'test' / 'nodes'))
+from page_viewer import CAMERA
+
 _MOVES = {'SetOrientationMessage', 'SetPositionMessage'}
 _WINDOW = 10.0  # [s]
 
@@ -65,7 +58,7 @@ class Onlooker:
             subprotocols=[f'viser-v{viser.__version__}'],
             max_size=None,
         ) as page:
-            page.send(msgspec.msgpack.encode(_CAMERA))
+            page.send(msgspec.msgpack.encode(CAMERA))
             try:
                 while True:
                     self._take(page.recv())

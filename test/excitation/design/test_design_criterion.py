@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.excitation.criteria import (
-    BoundedCriterion,
-    CombinedCriterion,
+    BothCriterion,
     ConditionCriterion,
     IdentifiableSpace,
     InformationCriterion,
@@ -39,7 +38,7 @@ def stacked(regressor: SmoothRegressor, trajectory: FourierTrajectory) -> np.nda
     return regressor.stack(trajectory.evaluate(np.linspace(0.0, 10.0, 200, endpoint=False)))
 
 
-@pytest.mark.parametrize('kind', ['thesis', 'scaled', 'information', 'combined', 'bounded'])
+@pytest.mark.parametrize('kind', ['thesis', 'scaled', 'information', 'both'])
 def test_derivative_along_motions_of_the_arm(
     kind: str, regressor, space, thesis, trajectory: FourierTrajectory
 ) -> None:
@@ -48,8 +47,7 @@ def test_derivative_along_motions_of_the_arm(
         'thesis': thesis,
         'scaled': ConditionCriterion(space, slice(None), scaled=True),
         'information': information,
-        'combined': CombinedCriterion([(0.7, thesis), (1.3, information)]),
-        'bounded': BoundedCriterion(thesis, limit=np.log(50.0)),
+        'both': BothCriterion(information, thesis, limit=np.log(50.0)),
     }[kind]
     time, step = np.linspace(0.0, 10.0, 200, endpoint=False), 1e-5
     direction = np.random.default_rng(2).normal(size=trajectory.alpha.shape)
@@ -99,7 +97,9 @@ def test_half_the_noise_is_half_the_deviation(space, stacked) -> None:
     assert full - half == pytest.approx(np.log(2.0))
 
 
-def test_a_bounded_criterion_counts_only_beyond_its_limit(thesis, stacked) -> None:
-    value = thesis.evaluate(stacked)[0]
-    assert BoundedCriterion(thesis, value + 1.0).evaluate(stacked)[0] < 1e-6
-    assert BoundedCriterion(thesis, value - 1.0).evaluate(stacked)[0] == pytest.approx(1.0)
+def test_a_bounded_criterion_counts_twice_beyond_its_limit(space, thesis, stacked) -> None:
+    value, information = thesis.evaluate(stacked)[0], InformationCriterion(space, NOISE)
+    alone = information.evaluate(stacked)[0]
+    below, above = (BothCriterion(information, thesis, value + s) for s in (1.0, -1.0))
+    assert below.evaluate(stacked)[0] == pytest.approx(alone, abs=1e-6)
+    assert above.evaluate(stacked)[0] == pytest.approx(alone + 2.0)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from aerarm_ros.description.arm_config import MotorConfig
+from aerarm_ros.description.drive_config import MotorConfig
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
 from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.frames.board_messages import BoardCommand

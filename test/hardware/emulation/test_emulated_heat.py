@@ -1,7 +1,6 @@
 import pytest
 
-from aerarm_ros.description.arm_config import MotorConfig
-from aerarm_ros.description.drive_config import ThermalConfig
+from aerarm_ros.description.drive_config import MotorConfig, ThermalConfig
 from aerarm_ros.hardware.emulation.emulated_motor import ROOM, EmulatedHeat
 
 MOTOR = MotorConfig('MN4006', 12, 380.0, 16.0, 1.3e-5, 0.15, thermal=ThermalConfig(6.0))

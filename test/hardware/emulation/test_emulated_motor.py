@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.description.arm_config import MotorConfig
+from aerarm_ros.description.drive_config import MotorConfig
 from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming, EmulatedMotor
 
 SUBSTEP = 0.25e-3

@@ -5,8 +5,8 @@ from math import inf, isinf
 
 import pytest
 
-from aerarm_ros.description.arm_config import ArmConfig, MotorConfig
-from aerarm_ros.description.drive_config import ThermalConfig
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.drive_config import MotorConfig, ThermalConfig
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
 from aerarm_ros.hardware.heat_watch import MotorTemperature
 
