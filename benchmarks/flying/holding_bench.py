@@ -70,7 +70,7 @@ class HoldingRecord(FlightRecord):
         return rms[0], float(tool.max()), rms[1], float(drone.max()), *self.bound, tilt
 
     def with_bound(self, drone: DroneConfig) -> 'HoldingRecord':
-        """Return this record with the physical bound of an arm under a drone that moves like this."""
+        """Return this record with the physical bound of an arm under this moving drone."""
         robot = load_robot(gravity_in_base=drone.gravity_in_base)
         reach = ArmReach(Kinematics(robot), JointLimits.from_config(load_arm_config()))
         mount, bounds = drone.mount, []
