@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ from aerarm_ros.identification.recording.signal_checks import (
     usable_messages,
     without_spikes,
 )
+from aerarm_ros.identification.recording.table_file import TableStates
 from aerarm_ros.motion.signals import Array
 
 # tolerated fraction of missed bridge cycles; filters remove the effect of single long steps
@@ -236,30 +236,6 @@ _FEWEST_MESSAGES = 20
 _LARGEST = 1e6  # [rad], [rad/s], [Nm]: beyond any arm, with finite squares
 
 
-class JointStates(Protocol):
-    """Joint states of one topic as arrays, with NaN for empty message fields."""
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Joint names, in the order of the columns."""
-
-    @property
-    def stamp(self) -> Array:
-        """Header stamps (M,) of the messages [s]."""
-
-    @property
-    def position(self) -> Array:
-        """(M, n) joint positions [rad]."""
-
-    @property
-    def velocity(self) -> Array:
-        """(M, n) joint velocities [rad/s]."""
-
-    @property
-    def effort(self) -> Array:
-        """(M, n) joint efforts [Nm]."""
-
-
 @dataclass(frozen=True)
 class JointMapping:
     """Mapping of joints in a bag to joints in the URDF.
@@ -350,7 +326,7 @@ class Recording:
 
 def recording_from_states(
     name: str,
-    states: JointStates,
+    states: TableStates,
     joint_names: Sequence[str],
     mapping: JointMapping,
     commanded: tuple[slice, str] | None = None,
@@ -362,7 +338,7 @@ def recording_from_states(
     ----------
     name : str
         Name of the bag, for messages.
-    states : JointStates
+    states : TableStates
         Joint states read from the bag.
     joint_names : sequence of str
         Joints of the arm, from base to tool.
@@ -421,7 +397,7 @@ def recording_from_states(
 
 
 def _used_rows(
-    states: JointStates, order: Array, commanded: tuple[slice, str] | None
+    states: TableStates, order: Array, commanded: tuple[slice, str] | None
 ) -> tuple[slice, str]:
     """Return the rows of the messages to use, and the reason for the choice."""
     part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
