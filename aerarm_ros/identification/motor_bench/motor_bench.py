@@ -16,12 +16,14 @@ from aerarm_ros.identification.motor_bench.motor_backlash import (
     is_significant,
 )
 from aerarm_ros.identification.motor_bench.motor_friction import (
+    RATE,
     MotorFriction,
     MotorResistance,
     MotorRun,
     MotorSupply,
     find_resistance,
     fit_motor_friction,
+    moving_rows,
 )
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.inertia import point_mass
@@ -149,7 +151,6 @@ def backlash_shifts(
     return np.asarray(shift)
 
 
-_RATE = 1000.0  # [Hz] sampling rate of the uniform time grid
 _CUTOFF = 12.0  # [Hz] zero-phase low-pass filter, above the frequencies of a run
 _ORDER = 3
 # multiples of the filter's time constant excluded at both ends, where samples exist on one side
@@ -157,9 +158,6 @@ _ORDER = 3
 _ENDS = 5
 _STEP = 20  # number of samples from one regression row to the next
 _INDEPENDENT = 0.5 / _CUTOFF  # [s] between samples with independent noise
-_SHORTEST = 0.5  # [s] shortest usable run
-# Below this fraction of its top speed [-] a joint may stick, so its friction is undetermined.
-_STICKING = 0.1
 
 
 def fit_inertia(
@@ -185,11 +183,10 @@ def fit_inertia(
     IdentificationError
         If the runs are too short or the inertia is not positive.
     """
-    filtered = [_filtered(run, friction) for run in runs if _long_enough(run)]
+    filtered = [_filtered(run, friction) for run in runs if run.is_long_enough()]
     if not filtered:
         raise IdentificationError(
-            f'{name}: the acceleration runs are shorter than {_SHORTEST} s; measure more or '
-            'longer runs'
+            f'{name}: the acceleration runs are shorter than 0.5 s; measure more or longer runs'
         )
     columns, torque = (np.concatenate(part) for part in zip(*filtered, strict=True))
     theta, *_ = np.linalg.lstsq(columns, torque, rcond=None)
@@ -204,29 +201,20 @@ def fit_inertia(
     return float(theta[0]), float(np.sqrt(covariance[0, 0]))
 
 
-def _long_enough(run: MotorRun) -> bool:
-    return len(run.time) > 1 and bool(run.time[-1] - run.time[0] >= _SHORTEST)
-
-
 def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
     """Return ddq, dq, sgn(dq) and the torque without gravity, through one low-pass filter."""
     # Local import, because scipy.signal takes longer to import than the rest of this module.
     from scipy.signal import butter, sosfiltfilt
 
-    time = np.arange(run.time[0], run.time[-1], 1.0 / _RATE)
-    q, tau = np.interp(time, run.time, run.q), np.interp(time, run.time, run.tau)
-    low_pass = butter(_ORDER, _CUTOFF, fs=_RATE, output='sos')
+    q, tau = run.uniform()
+    low_pass = butter(_ORDER, _CUTOFF, fs=RATE, output='sos')
     smooth = sosfiltfilt(low_pass, q)
-    dq = np.gradient(smooth, 1.0 / _RATE)
-    ddq = np.gradient(dq, 1.0 / _RATE)
+    dq = np.gradient(smooth, 1.0 / RATE)
+    ddq = np.gradient(dq, 1.0 / RATE)
     rest = tau - friction.load_torque(smooth, dq)
-    edge = round(_INDEPENDENT * _RATE)
+    edge = round(_INDEPENDENT * RATE)
     columns = np.column_stack([ddq, dq, sosfiltfilt(low_pass, np.sign(dq))])
-    # The filter spreads the effect of a standstill to neighbouring samples.
-    slow = np.abs(dq) < _STICKING * np.abs(dq).max()
-    free = np.convolve(slow, np.ones(2 * edge + 1), 'same') == 0.0
-    free[: _ENDS * edge] = free[-_ENDS * edge :] = False
-    rows = np.flatnonzero(free)[::_STEP]
+    rows = moving_rows(dq, edge, _ENDS * edge, _STEP)
     return columns[rows], sosfiltfilt(low_pass, rest)[rows]
 
 
