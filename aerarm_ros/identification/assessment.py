@@ -154,18 +154,9 @@ def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessm
                 (samples.tau_raw, prediction.raw),
             )
         )
-        results.append(
-            BagAssessment(
-                bag=samples.name,
-                filtered=filtered[0],
-                filtered_measured=filtered_measured[0],
-                raw=raw[0],
-                per_joint_filtered=filtered[1],
-                per_joint_filtered_measured=filtered_measured[1],
-                per_joint_raw=raw[1],
-                prediction=prediction,
-            )
-        )
+        total = (filtered[0], filtered_measured[0], raw[0])
+        per_joint = (filtered[1], filtered_measured[1], raw[1])
+        results.append(BagAssessment(samples.name, *total, *per_joint, prediction))
     return results
 
 
@@ -247,17 +238,11 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
     """Return warnings for joints whose friction or offset changed significantly."""
     warnings = []
     for trend in trends:
+        gears = 'gears that warm up; let the gears warm up before recording'
+        sensor = 'a drifting torque sensor; reset the zero of the sensor'
         for values, what, why in (
-            (
-                trend.friction,
-                'friction',
-                'gears that warm up; let the gears warm up before recording',
-            ),
-            (
-                trend.offset,
-                'torque offset',
-                'a drifting torque sensor; reset the zero of the sensor',
-            ),
+            (trend.friction, 'friction', gears),
+            (trend.offset, 'torque offset', sensor),
         ):
             texts = [
                 f'{name} by {value:+.2g} Nm'

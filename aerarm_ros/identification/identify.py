@@ -308,7 +308,7 @@ def identify(
         }
         recommended, names = solutions[RECOMMENDED], fit.model.joint_names
         errors = find_input_errors(level.robot, motion.level_bags, cad)
-        warnings += [error.warning for error in errors]
+        warnings += errors
         warnings += recommended.estimate.notes
         warnings += error_warnings(solutions, bags, cad, names)
         warnings += joint_warnings(recommended, names) + held
