@@ -9,7 +9,11 @@ import numpy as np
 
 from aerarm_ros.description.config_reader import read_yaml
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.files.estimate_file import friction_torque, joint_terms
+from aerarm_ros.identification.files.estimate_file import (
+    friction_torque,
+    joint_terms,
+    ros_parameters,
+)
 from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
 from aerarm_ros.motion.signals import Array
 
@@ -93,7 +97,7 @@ def compare_estimates(old: Path, new: Path) -> EstimateComparison:
     IdentificationError
         If a file is not an estimate with standard deviations, or the arms differ.
     """
-    first, second = (_parameters(path) for path in (old, new))
+    first, second = map(ros_parameters, (old, new))
     if first['joint_names'] != second['joint_names']:
         raise IdentificationError(
             f'{old} has joints {", ".join(map(str, first["joint_names"]))}, {new} has '
@@ -108,18 +112,6 @@ def compare_estimates(old: Path, new: Path) -> EstimateComparison:
             'identifier; identify again if the files have an older format'
         ) from None
     return EstimateComparison(friction, inertia, unmatched)
-
-
-def _parameters(path: Path) -> Mapping[str, Any]:
-    try:
-        parameters = read_yaml(path)['/**']['ros__parameters']
-        if not isinstance(parameters['joint_names'], list):
-            raise TypeError
-    except (KeyError, TypeError):
-        raise IdentificationError(
-            f'{path} is not an estimate.yaml: pass the unchanged file of the identifier'
-        ) from None
-    return dict(parameters)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,9 @@ from aerarm_ros.identification.conditioning.motion_check import ConditioningOpti
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import (
     estimate_yaml,
+    estimated_arm,
     payload_yaml,
     read_estimate,
-    read_gravity,
 )
 from aerarm_ros.identification.files.identified_robot import (
     LoadFriction,
@@ -508,7 +508,7 @@ class PayloadRun(IdentifierRun):
             robot = self._arm.robot
             estimate = read_estimate(options.model, robot)
             if options.gravity is None:
-                robot = robot.with_gravity(read_gravity(options.model, robot))
+                robot = robot.with_gravity(estimated_arm(options.model, robot.gravity_in_base)[1])
             recordings = [self._recording(path) for path in options.payload]
             conditioning = ConditioningOptions(
                 fundamental=options.fundamental,
