@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -489,20 +490,21 @@ def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
         title = f'{assessment.bag} ({role})'
         predicted = assessment.prediction.filtered
         cad = tables.bags_of(result.solutions['cad'])[index][1].prediction.filtered
-        desired = extras.desired.get(assessment.bag)
+        tau = bag.samples.tau
+        torques = [
+            figures.Curve(tau, 'measured, filtered', 'measured'),
+            figures.Curve(cad, 'predicted, CAD', 'reference', 'dot'),
+            figures.Curve(predicted, 'predicted, sdp', 'predicted'),
+        ]
+        left = [figures.Curve(tau - predicted, 'residual of sdp', 'residual')]
+        velocities = figures.velocity_curves(bag, extras.desired.get(assessment.bag))
+        over_time = partial(figures.time_figure, result, bag)
+        spectrum = figures.spectrum_figure(result, bag, predicted)
         for what, name, figure in (
-            (
-                'measured and predicted torque',
-                'tau',
-                figures.torque_figure(result, bag, predicted, cad),
-            ),
-            ('residual over time', 'residual', figures.residual_figure(result, bag, predicted)),
-            (
-                'spectrum of the residual',
-                'spectrum',
-                figures.spectrum_figure(result, bag, predicted),
-            ),
-            ('velocities', 'dq', figures.velocity_figure(result, bag, desired)),
+            ('measured and predicted torque', 'tau', over_time('Nm', torques)),
+            ('residual over time', 'residual', over_time('Nm', left)),
+            ('spectrum of the residual', 'spectrum', spectrum),
+            ('velocities', 'dq', over_time('rad/s', velocities)),
         ):
             parts.append(section(f'{title}: {what}', figure.html(f'{name}-{index}')))
     return parts
