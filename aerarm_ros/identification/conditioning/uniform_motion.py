@@ -1,5 +1,6 @@
 """Recordings resampled to a uniform time grid, with the section used for identification."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -322,11 +323,9 @@ def aperiodic_motion(
     window = slice(int(moving[0]), int(moving[-1]) + 1)
     duration = (window.stop - window.start) * motion.dt
     if duration < shortest:
-        what_for, better = (
-            ('excite all parameters', ' (better 20 s)')
-            if shortest == SHORTEST
-            else ('be filtered', '')
-        )
+        what_for, better = 'be filtered', ''
+        if shortest == SHORTEST:
+            what_for, better = 'excite all parameters', ' (better 20 s)'
         raise IdentificationError(
             f'{recording.name} contains only {duration:.2f} s of motion, too short to '
             f'{what_for}: record at least {shortest:.2g} s{better}'
@@ -351,27 +350,23 @@ def _resampled(
         len(time), dt, low_pass_gain(cutoff), factor, settling, MEMORY_PERIODS / cutoff
     )
 
-    def at(values: Array, delay: Array | None = None) -> Array:
-        behind = np.zeros(values.shape[1]) if delay is None else delay
-        columns = (
-            np.interp(time + d if d else time, recording.time, column)
-            for d, column in zip(behind, values.T, strict=True)
-        )
+    def at(instants: Array, values: Array, delay: Array) -> Iterator[Array]:
+        for d, column in zip(delay, values.T, strict=True):
+            yield np.interp(instants + d if d else instants, recording.time, column)
+
+    def filtered(values: Array, delay: Array) -> Array:
+        columns = at(time, values, delay)
         return np.column_stack([smooth(c) if factor > 1 else c for c in columns])
 
-    thinned = time[::factor]
-    raw = [
-        np.interp(thinned + d, recording.time, column)
-        for d, column in zip(late, recording.tau.T, strict=True)
-    ]
+    in_time, thinned = np.zeros_like(late), time[::factor]
     return UniformMotion(
         recording=recording,
         dt=dt * factor,
         time=thinned,
-        q=at(recording.q),
-        tau=at(recording.tau, late),
-        dq=None if recording.dq is None else at(recording.dq),
-        tau_raw=np.column_stack(raw),
+        q=filtered(recording.q, in_time),
+        tau=filtered(recording.tau, late),
+        dq=None if recording.dq is None else filtered(recording.dq, in_time),
+        tau_raw=np.column_stack(list(at(thinned, recording.tau, late))),
         factor=factor,
         window=window,
         period=period,

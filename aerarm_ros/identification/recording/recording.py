@@ -433,38 +433,41 @@ def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.in
 def _columns(
     bag: str, names: Sequence[str], joint_names: Sequence[str], mapping: JointMapping
 ) -> list[int]:
-    unknown = [name for name in mapping.rename if name not in names]
-    if unknown:
-        raise IdentificationError(
-            f'joint {", ".join(unknown)} (--rename) is not in {bag}: choose from {", ".join(names)}'
-        )
     renamed = [mapping.own_name(name) for name in names]
-    missing = [name for name in joint_names if name not in renamed]
-    if missing:
-        raise IdentificationError(
-            f'joints {", ".join(missing)} of the URDF are not in {bag}, which has '
-            f"{', '.join(names)}: rename the bag's joints (--tf-prefix, --rename BAG=URDF), "
-            'lock joints of the URDF (--lock JOINT), or pass the URDF of the recorded arm'
-        )
-    twice = [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1]
-    if twice:
-        raise IdentificationError(
-            f'several joints of {bag} are called {", ".join(twice)} after renaming: check --rename'
-        )
     known = (*joint_names, *mapping.ignored, *mapping.locked)
-    extra = [name for name in renamed if name not in known]
-    if extra:
-        raise IdentificationError(
-            f'joints {", ".join(extra)} of {bag} are missing from the URDF, which has '
-            f'{", ".join(joint_names)}: pass the URDF of the recorded arm, or ignore these '
-            'joints (--ignore JOINT)'
-        )
-    absent = [name for name in mapping.ignored if name not in renamed]
-    if absent:
-        raise IdentificationError(
-            f'joint {", ".join(absent)} (--ignore) is not in {bag}: choose from '
-            f'{", ".join(renamed)}'
-        )
+    recorded, arm = ', '.join(names), ', '.join(joint_names)
+    for what, wrong, text in (
+        (
+            'joint',
+            [name for name in mapping.rename if name not in names],
+            f'(--rename) is not in {bag}: choose from {recorded}',
+        ),
+        (
+            'joints',
+            [name for name in joint_names if name not in renamed],
+            f"of the URDF are not in {bag}, which has {recorded}: rename the bag's joints "
+            '(--tf-prefix, --rename BAG=URDF), lock joints of the URDF (--lock JOINT), or pass the '
+            'URDF of the recorded arm',
+        ),
+        (
+            f'several joints of {bag} are called',
+            [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1],
+            'after renaming: check --rename',
+        ),
+        (
+            'joints',
+            [name for name in renamed if name not in known],
+            f'of {bag} are missing from the URDF, which has {arm}: pass the URDF of the recorded '
+            'arm, or ignore these joints (--ignore JOINT)',
+        ),
+        (
+            'joint',
+            [name for name in mapping.ignored if name not in renamed],
+            f'(--ignore) is not in {bag}: choose from {", ".join(renamed)}',
+        ),
+    ):
+        if wrong:
+            raise IdentificationError(f'{what} {", ".join(wrong)} {text}')
     return [renamed.index(name) for name in joint_names]
 
 
@@ -483,16 +486,14 @@ def _check_complete(
         )
     rows = np.flatnonzero(bad.any(axis=1))
     if np.isfinite(values).all():
-        raise IdentificationError(
-            f'{field} of joints {names} in {bag} reaches {np.abs(values).max():.3g} in '
-            f'{len(rows)} of {len(values)} messages, first {stamp[rows[0]] - stamp[0]:.3f} s '
-            'after the start of the motion: check units and the driver that published the '
-            'messages'
-        )
+        what = f'reaches {np.abs(values).max():.3g}'
+        advice = 'units and the driver that published the messages'
+    else:
+        what = 'is NaN or infinite'
+        advice = 'the driver that published the messages, or record again'
     raise IdentificationError(
-        f'{field} of joints {names} in {bag} is NaN or infinite in {len(rows)} of {len(values)} '
-        f'messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start of the motion: check '
-        'the driver that published the messages, or record again'
+        f'{field} of joints {names} in {bag} {what} in {len(rows)} of {len(values)} messages, '
+        f'first {stamp[rows[0]] - stamp[0]:.3f} s after the start of the motion: check {advice}'
     )
 
 
