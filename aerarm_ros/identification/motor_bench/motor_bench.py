@@ -362,6 +362,12 @@ class MotorBench:
         self.warnings: list[str] = []
         if known is not None:
             self._check_known(known)
+        if robot is not None:
+            self._alone = self._loaded = Dynamics(robot)
+            if known is not None:
+                inertial = np.array(robot.inertial_parameters)
+                inertial[-1] += point_mass(known.mass, known.position)
+                self._loaded = Dynamics(robot.with_inertial_parameters(inertial))
 
     def evaluate(
         self, joint: int, runs: Sequence[MotorRun], supply: MotorSupply | None = None
@@ -426,8 +432,7 @@ class MotorBench:
         recorded = [run for run in swings if len(run.time)]
         amplitude = 0.5 * max(float(np.ptp(run.q)) for run in recorded)
         fastest = max(float(np.abs(run.dq).max()) for run in recorded)
-        dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
-        shift = backlash_shifts(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
+        shift = backlash_shifts(self._loaded, posture, joint, amplitude, fastest**2 / amplitude)
         # The shift by other joints' backlash is assumed to be equally likely between zero and its
         # largest value.
         found = backlash, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
@@ -484,36 +489,27 @@ class MotorBench:
                 raise IdentificationError(
                     f'{name}: the run without the mass has no result for this joint'
                 )
-            expected = self._known_gravity(robot, known, joint)
+            expected = self._known_gravity(joint)
             return fit_torque_constant(friction, self._earlier.gravity[name], expected, name)
         except IdentificationError as error:
             self.warnings.append(f'torque constant not measured: {error}')
             return None
 
-    def _known_gravity(self, robot: Robot, known: KnownMass, joint: int) -> Array:
+    def _known_gravity(self, joint: int) -> Array:
         """Return the known mass's part of the gravity coefficients a and b [Nm]."""
-        alone, loaded = Dynamics(robot), Dynamics(_carrying(robot, known))
         values = []
         for angle in (0.5 * np.pi, 0.0):
             q = self._posture.copy()
             q[joint] = angle
-            values.append(loaded.gravity(q)[joint] - alone.gravity(q)[joint])
+            values.append(self._loaded.gravity(q)[joint] - self._alone.gravity(q)[joint])
         return np.array(values)
 
     def _carried_inertia(self, joint: int) -> tuple[float, float]:
         """Return the inertia of the load about the joint, and its standard deviation [kg m^2]."""
-        known, robot = self._known, self._robot
-        if robot is None:
-            return (known.mass * known.lever**2 if known else 0.0), 0.0
-        links = float(Dynamics(robot).inertia_matrix(self._posture)[joint, joint])
-        if known is None:
-            return links, self._link_uncertainty * links
-        both = Dynamics(_carrying(robot, known)).inertia_matrix(self._posture)
-        return float(both[joint, joint]), self._link_uncertainty * links
-
-
-def _carrying(robot: Robot, known: KnownMass) -> Robot:
-    """Return the arm with a point mass on its last link."""
-    inertial = np.array(robot.inertial_parameters)
-    inertial[-1] += point_mass(known.mass, known.position)
-    return robot.with_inertial_parameters(inertial)
+        if self._robot is None:
+            return (self._known.mass * self._known.lever**2 if self._known else 0.0), 0.0
+        both, links = (
+            float(dynamics.inertia_matrix(self._posture)[joint, joint])
+            for dynamics in (self._loaded, self._alone)
+        )
+        return both, self._link_uncertainty * links
