@@ -122,7 +122,7 @@ class PhysicalProgram(ConeProgram):
         equations = np.hstack([system.R * prior.std, np.eye(self.count)])
         self.add('ZeroConeT', equations, system.z - system.R @ prior.mean)
         for rows, offsets in _linear_bounds(prior, limits):
-            self.add('NonnegativeConeT', -rows * prior.std, rows @ prior.mean + offsets)
+            self.add('NonnegativeConeT', -rows, offsets)
 
     def scaled_pseudo_inertia(self, link: int) -> tuple[Array, Array]:
         """Return the pseudo-inertia of a link, relative to mass and size, as a function of x.
@@ -170,26 +170,29 @@ class PhysicalProgram(ConeProgram):
 
 
 def _linear_bounds(prior: Prior, limits: PhysicalLimits) -> Iterator[tuple[Array, Array]]:
-    """Yield pairs G, h of the constraints G theta + h >= 0 on the parameters."""
-    n, unit, size = len(limits.mass), np.eye(len(prior.mean)), limits.mass * limits.size
-    masses, joints = unit[: 10 * n : 10], unit[10 * n :]
+    """Yield pairs G, h of the constraints G x + h >= 0."""
+    mean, unit, n = prior.mean, np.diag(prior.std), len(limits.mass)
     # Each mass is within a factor of its CAD value.
-    relative, factor = masses / limits.mass[:, None], np.full(n, limits.mass_factor)
-    yield np.vstack([relative, -relative]), np.concatenate([-1.0 / factor, factor])
+    masses, factor = slice(0, 10 * n, 10), limits.mass_factor
+    relative, ratio = unit[masses] / limits.mass[:, None], mean[masses] / limits.mass
+    yield np.vstack([relative, -relative]), np.concatenate([ratio - 1.0 / factor, factor - ratio])
     # Friction and rotor inertia are non-negative, and no gear loses more torque than it transmits.
-    signed = (joints / prior.std[10 * n :, None])[limits.nonnegative]
-    yield signed, np.zeros(len(signed))
+    signed = 10 * n + np.flatnonzero(limits.nonnegative)
+    yield np.eye(len(mean))[signed], mean[signed] / prior.std[signed]
     if limits.load is not None:
-        yield -joints[limits.load], np.full(limits.load.sum(), LARGEST_LOAD_FRICTION)
+        load = 10 * n + np.flatnonzero(limits.load)
+        yield -unit[load], LARGEST_LOAD_FRICTION - mean[load]
     if limits.bounds.total_mass is not None:  # thesis (3.13)
         whole = limits.mass.sum()
-        total, (low, high) = masses.sum(axis=0) / whole, limits.total_mass / whole
-        yield np.array([total, -total]), np.array([-low, high])
+        row, total = unit[masses].sum(axis=0) / whole, mean[masses].sum() / whole
+        low, high = limits.total_mass / whole
+        yield np.array([row, -row]), np.array([total - low, high - total])
     if limits.bounds.centres:  # thesis (3.12)
-        moments = unit[: 10 * n].reshape(n, 10, -1)[:, 1:4]
-        for sign, corner in zip((1.0, -1.0), limits.centre_box, strict=True):
-            inside = sign * (moments - corner[..., None] * masses[:, None])
-            yield (inside / size[:, None, None]).reshape(3 * n, -1), np.zeros(3 * n)
+        links = np.eye(len(mean))[: 10 * n].reshape(n, 10, -1)
+        low, high = (links[:, 1:4] - box[..., None] * links[:, :1] for box in limits.centre_box)
+        inside = np.array([low, -high]) / (limits.mass * limits.size)[:, None, None]
+        rows = inside.reshape(6 * n, -1)
+        yield rows * prior.std, rows @ mean
 
 
 # Smallest allowed eigenvalue of the pseudo-inertia relative to the link's mass and size. The solver
