@@ -268,7 +268,7 @@ def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, E
     for bag, assessment in zip(bags, assessed, strict=True):
         samples, motion, kept = bag.samples, bag.motion, bag.samples.kept
         torques = model.torques(motion.q, motion.dq, motion.ddq)
-        rigid, weight = (motion.whole(torque)[kept] for torque in torques)
+        rigid, weight = (bag.whole(torque)[kept] for torque in torques)
         friction = assessment.prediction.filtered[kept] - rigid
         dt = float(np.median(np.diff(samples.time)))
         balances[assessment.bag] = model.split(

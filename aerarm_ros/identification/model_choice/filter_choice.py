@@ -120,7 +120,7 @@ def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
         SpectralFilter(len(tau), dt, _lead(float(d)), settling=settling)(tau)
         for tau, d in zip(samples.tau.T, delay, strict=True)
     ]
-    return bag.with_samples(replace(samples, tau=np.column_stack(moved)))
+    return bag.altered(samples=replace(samples, tau=np.column_stack(moved)))
 
 
 def _lead(seconds: float) -> Callable[[Array], npt.NDArray[np.complex128]]:
@@ -211,7 +211,7 @@ def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -
             q = motion.q[first : first + _BLOCK]
             rest = np.zeros_like(q)
             parts[first : first + _BLOCK, :, k] = turned.stack_rigid(q, rest, rest) @ links
-    return motion.whole(motion.coarse_filter(parts))
+    return bag.whole(motion.coarse_filter(parts))
 
 
 _BY_CHANCE = 2.0  # standard errors by which the best of several filters may be better by chance
