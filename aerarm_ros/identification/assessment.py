@@ -176,6 +176,23 @@ def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
     return 100.0 * float(np.linalg.norm(difference[known])) / whole, per_joint
 
 
+def weighted_line(x: Array, values: Array, std: Array) -> tuple[float, float, float]:
+    """Return the value at the mean of `x`, the slope, and the slope's standard deviation.
+
+    The line fits values (K,) by least squares weighted by their standard deviations. If the values
+    scatter more than that, their scatter determines the standard deviation.
+    """
+    weight = 1.0 / std**2
+    centre, mean = (float(weight @ each / weight.sum()) for each in (x, values))
+    since = x - centre
+    moment = float(weight @ since**2)
+    slope = float(weight @ (since * (values - mean)) / moment)
+    left = values - mean - slope * since
+    scatter = float(weight @ left**2) / max(len(x) - 2, 1)
+    deviation = float(np.sqrt(max(scatter, 1.0) / moment))
+    return mean + slope * (float(x.mean()) - centre), slope, deviation
+
+
 _SLOW = 0.05  # fraction of a joint's top speed, below which the sign of its velocity is smoothed
 _CLEAR = 4.0  # standard deviations
 _LEAST_CHANGE = 0.05  # relative to the RMS joint torque; smaller changes are not reported

@@ -40,10 +40,6 @@ class Truth:
     load_friction: Array
     measured_per_true_torque: Array
 
-    def value(self, column: str) -> float | None:
-        """Return the true value of a column, None if unknown."""
-        return self.parameters.get(column)
-
     def vector(self, model: JointModel) -> Array:
         """Return the true parameter vector in the order of `model.columns`; 0 for unknown terms."""
         theta = np.array([self.parameters.get(name, 0.0) for name in model.columns])

@@ -64,21 +64,19 @@ def export_errors(result: IdentificationResult) -> list[ExportError]:
     none = np.zeros_like(rotors)
     with_rotors = _simple(estimate, *friction, rotors)
     without = _simple(estimate, *friction, none)
-    found = (
-        ('estimate.yaml', 'whole model (load_identified)', estimate, bags),
-        ('identified.xml', 'MuJoCo: links, rotors, friction (2.6)', with_rotors, bags),
-        ('identified.urdf', 'Pinocchio and others: links, friction (2.6)', without, level),
-        ('identified.sdf', 'Drake: links, rotors, friction (2.6)', with_rotors, level),
-        ('identified.sdf', 'Gazebo and others: links, friction (2.6)', without, level),
-    )
-    known: dict[tuple[int, int], tuple[float, ...]] = {}
-    for _, _, model, columns in found:
-        if (id(model), id(columns)) not in known:
-            errors = tuple(bag.filtered for bag in assess(model, columns))
-            known[id(model), id(columns)] = errors
+
+    def errors(model: Estimate, columns: Sequence[SampleColumns]) -> tuple[float, ...]:
+        return tuple(bag.filtered for bag in assess(model, columns))
+
+    mujoco, others = errors(with_rotors, bags), errors(without, level)
+    drake = mujoco if level is bags else errors(with_rotors, level)
+    urdf, sdf, links = 'identified.urdf', 'identified.sdf', 'links, friction (2.6)'
     return [
-        ExportError(file, contents, known[id(model), id(columns)])
-        for file, contents, model, columns in found
+        ExportError('estimate.yaml', 'whole model (load_identified)', errors(estimate, bags)),
+        ExportError('identified.xml', 'MuJoCo: links, rotors, friction (2.6)', mujoco),
+        ExportError(urdf, f'Pinocchio and others: {links}', others),
+        ExportError(sdf, 'Drake: links, rotors, friction (2.6)', drake),
+        ExportError(sdf, f'Gazebo and others: {links}', others),
     ]
 
 
