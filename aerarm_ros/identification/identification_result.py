@@ -144,6 +144,13 @@ class IdentificationResult:
         return np.asarray(np.sqrt((inverse**2).sum(axis=1)) / scale)
 
     @property
+    def base_prior_deviations(self) -> npt.NDArray[np.float64]:
+        """Standard deviations (r,) of the base parameters in the prior."""
+        base, std = self.used_base, self.fit.prior.std
+        mixed = base.combination**2 @ std[base.dependent] ** 2
+        return np.asarray(np.sqrt(std[base.independent] ** 2 + mixed))
+
+    @property
     def samples(self) -> int:
         """Number of recorded samples in the identification bags."""
         return sum(bag.samples.recorded for bag in self.identification)

@@ -363,14 +363,12 @@ class ResidualBound:
         try:
             shares = np.array(values['shares'], dtype=float).reshape(n, len(FEATURES))
             noise = np.array(values['noise'], dtype=float).reshape(n)
-            gain, margin, spread, rest = (
-                float(values[key])
-                for key in ('observer_gain', 'margin', 'friction_spread', 'rest_share')
-            )
+            keys = ('observer_gain', 'margin', 'friction_spread', 'rest_share')
+            numbers = gain, margin, spread, rest = [float(values[key]) for key in keys]
         except (KeyError, TypeError, ValueError):
             raise ValueError(f'a value of {name} is missing or is not a number: {advice}') from None
-        numbers = np.concatenate([shares.ravel(), noise, [gain, margin, spread, rest]])
-        if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and gain * margin > 0.0):
+        every = np.concatenate([shares.ravel(), noise, numbers])
+        if not (np.isfinite(every).all() and (every >= 0.0).all() and gain * margin > 0.0):
             raise ValueError(f'values of {name} must be finite and not negative: {advice}')
         return cls(shares, noise, gain, margin, spread, rest)
 

@@ -118,24 +118,19 @@ class EstimatorSettings:
         return mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
 
 
+_ALLOWED = 5.0  # mean of squared errors over their variance, without a change
+_THRESHOLD = 60.0  # sum above which a change is detected
+
+
 class ChangeTest:
     """Cumulative sum test for errors that have become larger than expected.
 
     Page: Continuous inspection schemes (1954). The sum adds each squared error over its variance,
-    minus `allowed`, up to a limit, so that a single outlier causes no detection.
-
-    Parameters
-    ----------
-    allowed : float
-        Mean of squared errors over their variance, without a change.
-    threshold : float
-        Sum above which a change is detected.
+    minus an allowed value, up to a limit, so that a single outlier causes no detection.
     """
 
-    def __init__(self, allowed: float = 5.0, threshold: float = 60.0) -> None:
-        self._allowed = allowed
-        self._threshold = threshold
-        self._sum = 0.0
+    def __init__(self) -> None:
+        self.reset()
 
     def reset(self) -> None:
         """Reset the cumulative sum."""
@@ -143,9 +138,8 @@ class ChangeTest:
 
     def update(self, square: float) -> bool:
         """Add a squared error divided by its variance; return whether the test detects a change."""
-        change = min(square, 0.5 * self._threshold) - self._allowed
-        self._sum = max(0.0, self._sum + change)
-        return self._sum > self._threshold
+        self._sum = max(0.0, self._sum + min(square, 0.5 * _THRESHOLD) - _ALLOWED)
+        return self._sum > _THRESHOLD
 
 
 _FROZEN = 0.2  # [s] in which a signal of a moving joint changes

@@ -14,14 +14,13 @@ from aerarm_ros.identification.files.estimate_file import (
     joint_terms,
     ros_parameters,
 )
-from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
+from aerarm_ros.identification.joint_model import NOT_FRICTION, JointTerm, TermKind
 from aerarm_ros.motion.signals import Array
 
 _CLEAR = 3.0  # standard deviations
 _SHARES = (0.2, 0.6, 1.0)  # fraction of the speed that both motions reach
 _STILL = 1e-3  # [rad/s]
-_NOT_FRICTION = (TermKind.ROTOR, *COUPLED)
-_FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in _NOT_FRICTION)
+_FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in NOT_FRICTION)
 
 
 @dataclass(frozen=True)

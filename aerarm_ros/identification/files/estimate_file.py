@@ -15,7 +15,7 @@ from aerarm_ros.description.config_reader import read_yaml, yaml_text
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.joint_model import COUPLED, JointModel, JointTerm, TermKind
+from aerarm_ros.identification.joint_model import NOT_FRICTION, JointModel, JointTerm, TermKind
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import Array
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
 
 _SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # fractions of a joint's top speed
-NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
+NO_FRICTION = (TermKind.OFFSET, *NOT_FRICTION)
 """Kinds of joint terms that are not friction."""
 
 

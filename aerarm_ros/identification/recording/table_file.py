@@ -89,12 +89,6 @@ class TableColumn:
     unit: str = ''
 
 
-def accepted_names() -> str:
-    """Return a description of the accepted column names, for messages."""
-    words = ', '.join(f'{name}: {"/".join(words)}' for name, words in WORDS.items())
-    return f"time: {'/'.join(TIME)}, {words}; each followed by _JOINT or the joint's number"
-
-
 def first_number(numbers: Iterable[int], joints: int) -> int | None:
     """Return the number (0 or 1) of the first joint in column names; None if undetermined.
 
@@ -303,7 +297,10 @@ def read_table(
     with table_errors(path, _LARGEST, IdentificationError):
         read = _npz if path.suffix.lower() == '.npz' else _csv
         columns, sources = read(path, joint_names, options)
-        columns = _without_currents(columns)
+        for (quantity, joint), values in list(columns.items()):
+            if quantity == 'current':  # replaces a missing effort
+                columns.setdefault(('effort', joint), values)
+                del columns[quantity, joint]
     return _states(path, columns, sources, joint_names, options)
 
 
@@ -327,9 +324,11 @@ def _csv(
                 f'the first line has {len(names)} names, but there are {count} columns'
             )
         if not meanings:
+            words = ', '.join(f'{name}: {"/".join(words)}' for name, words in WORDS.items())
             raise IdentificationError(
                 f'{path} has no position of any joint (its columns are '
-                f'{some_names(names, _SHOWN)}): name the columns {accepted_names()}'
+                f'{some_names(names, _SHOWN)}): name the columns time: {"/".join(TIME)}, {words}; '
+                "each followed by _JOINT or the joint's number"
             )
         rows = itertools.chain([first], file)
         with warnings.catch_warnings():
@@ -453,15 +452,6 @@ def _npz(
     return columns, sources
 
 
-def _without_currents(columns: _Columns) -> _Columns:
-    """Return the columns; for a joint without a column of efforts, currents serve as efforts."""
-    kept = {key: values for key, values in columns.items() if key[0] != 'current'}
-    for (quantity, joint), values in columns.items():
-        if quantity == 'current':
-            kept.setdefault(('effort', joint), values)
-    return kept
-
-
 def _states(
     path: Path,
     columns: Mapping[tuple[str, str], Array],
@@ -510,7 +500,7 @@ def _states(
 
 
 def _is_wanted(key: str) -> bool:
-    return key in (*_NAMES, *TIME, 'unit') or any(key in words for words in WORDS.values())
+    return key in (*_NAMES, *TIME, 'unit', *itertools.chain(*WORDS.values()))
 
 
 def _is_number(text: str) -> bool:

@@ -158,12 +158,9 @@ def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
     truth : Truth or None
         True parameters of a simulated arm, shown in addition.
     """
-    base, prior = result.used_base, result.fit.prior.std
+    base = result.used_base
     names = [_short(text) for text in base.expressions()]
-    open_left = np.sqrt(
-        prior[base.independent] ** 2 + base.combination**2 @ prior[base.dependent] ** 2
-    )
-    scale = np.maximum(open_left, 1e-300)
+    scale = np.maximum(result.base_prior_deviations, 1e-300)
     cad = base.values(result.cad.vector(result.fit.model))
     found = base.values(result.recommended.estimate.theta)
     place = (found - cad) / scale

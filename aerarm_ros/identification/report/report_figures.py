@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
+from aerarm_ros.identification.joint_model import NOT_FRICTION, JointTerm
 from aerarm_ros.identification.recording.recording import DesiredVelocity
 from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.motion.signals import Array
@@ -50,7 +50,6 @@ def amplitude_density(values: Array, dt: float) -> tuple[Array, Array]:
     return np.asarray(frequency), np.asarray(np.sqrt(power))
 
 
-_NO_FRICTION = (TermKind.ROTOR, *COUPLED)
 _CURVE = 201  # number of points of a friction curve, odd because dry friction jumps in the middle
 _CLOUD_SIZE = 600  # number of measured points in the background
 # Number of points of all bags together, and smallest number per bag; the figures of a dozen bags
@@ -127,7 +126,7 @@ def friction_figure(result: IdentificationResult) -> StackedFigure:
         own = [
             (term, float(value))
             for (j, term), value in zip(model.joint_columns, values, strict=True)
-            if j == joint and term.kind not in _NO_FRICTION
+            if j == joint and term.kind not in NOT_FRICTION
         ]
         dq, torque, load = _measured_friction(result, joint, own, inertial)
         if len(dq):  # empty for a joint at rest or with constant effort

@@ -128,11 +128,7 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
     base = result.used_base
     solutions = result.solutions
     columns = {name: base.values(solutions[name].estimate.theta) for name in ('cad', 'ols', 'sdp')}
-    std = result.base_deviations
-    prior = np.sqrt(
-        result.fit.prior.std[base.independent] ** 2
-        + base.combination**2 @ result.fit.prior.std[base.dependent] ** 2
-    )
+    std, prior = result.base_deviations, result.base_prior_deviations
     headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation', 'excitation']
     if truth:
         headings += [
