@@ -11,7 +11,13 @@ class IdentificationError(ValueError):
 
 @contextmanager
 def readable(path: Path) -> Iterator[None]:
-    """Convert an OSError from reading a file to an IdentificationError with the path."""
+    """Convert an OSError from reading a file to an IdentificationError with the path.
+
+    Raises
+    ------
+    IdentificationError
+        If the file cannot be read.
+    """
     try:
         yield
     except OSError as error:
