@@ -154,18 +154,9 @@ def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessm
                 (samples.tau_raw, prediction.raw),
             )
         )
-        results.append(
-            BagAssessment(
-                bag=samples.name,
-                filtered=filtered[0],
-                filtered_measured=filtered_measured[0],
-                raw=raw[0],
-                per_joint_filtered=filtered[1],
-                per_joint_filtered_measured=filtered_measured[1],
-                per_joint_raw=raw[1],
-                prediction=prediction,
-            )
-        )
+        total = (filtered[0], filtered_measured[0], raw[0])
+        per_joint = (filtered[1], filtered_measured[1], raw[1])
+        results.append(BagAssessment(samples.name, *total, *per_joint, prediction))
     return results
 
 
@@ -183,6 +174,23 @@ def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
     known = np.isfinite(size)
     whole = max(float(np.linalg.norm(size[known])), _SMALLEST)
     return 100.0 * float(np.linalg.norm(difference[known])) / whole, per_joint
+
+
+def weighted_line(x: Array, values: Array, std: Array) -> tuple[float, float, float]:
+    """Return the value at the mean of `x`, the slope, and the slope's standard deviation.
+
+    The line fits values (K,) by least squares weighted by their standard deviations. If the values
+    scatter more than that, their scatter determines the standard deviation.
+    """
+    weight = 1.0 / std**2
+    centre, mean = (float(weight @ each / weight.sum()) for each in (x, values))
+    since = x - centre
+    moment = float(weight @ since**2)
+    slope = float(weight @ (since * (values - mean)) / moment)
+    left = values - mean - slope * since
+    scatter = float(weight @ left**2) / max(len(x) - 2, 1)
+    deviation = float(np.sqrt(max(scatter, 1.0) / moment))
+    return mean + slope * (float(x.mean()) - centre), slope, deviation
 
 
 _SLOW = 0.05  # fraction of a joint's top speed, below which the sign of its velocity is smoothed
@@ -247,17 +255,11 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
     """Return warnings for joints whose friction or offset changed significantly."""
     warnings = []
     for trend in trends:
+        gears = 'gears that warm up; let the gears warm up before recording'
+        sensor = 'a drifting torque sensor; reset the zero of the sensor'
         for values, what, why in (
-            (
-                trend.friction,
-                'friction',
-                'gears that warm up; let the gears warm up before recording',
-            ),
-            (
-                trend.offset,
-                'torque offset',
-                'a drifting torque sensor; reset the zero of the sensor',
-            ),
+            (trend.friction, 'friction', gears),
+            (trend.offset, 'torque offset', sensor),
         ):
             texts = [
                 f'{name} by {value:+.2g} Nm'

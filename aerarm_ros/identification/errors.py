@@ -1,31 +1,26 @@
 """Exceptions raised by the identification."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class IdentificationError(ValueError):
     """Error for unusable data or options; the message states what to check."""
 
 
-_CONTRADICTION = ('PrimalInfeasible', 'AlmostPrimalInfeasible')
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Convert an OSError from reading a file to an IdentificationError with the path.
 
-
-class SolverError(IdentificationError):
-    """Error for an optimization problem for which no solution exists or was found.
-
-    Parameters
-    ----------
-    status : str
-        Status reported by the solver.
-
-    Attributes
-    ----------
-    contradiction : bool
-        Whether the constraints are known to be contradictory.
+    Raises
+    ------
+    IdentificationError
+        If the file cannot be read.
     """
-
-    def __init__(self, status: str) -> None:
-        super().__init__(
-            f'the semidefinite program ended with {status}: check that masses and inertias of the '
-            'URDF are plausible'
-        )
-        self.status = status
-        self.contradiction = status in _CONTRADICTION
+    try:
+        yield
+    except OSError as error:
+        raise IdentificationError(
+            f'{path} cannot be read ({error.strerror or error}): check the path'
+        ) from None

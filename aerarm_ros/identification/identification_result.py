@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ from aerarm_ros.description.urdf_document import CALIBRATED
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.assessment import BagAssessment, BagDemand, ResidualTrend
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError, readable
 from aerarm_ros.identification.model_choice.filter_choice import (
     EffortDelay,
     FilterChoice,
@@ -144,13 +144,19 @@ class IdentificationResult:
         return np.asarray(np.sqrt((inverse**2).sum(axis=1)) / scale)
 
     @property
+    def base_prior_deviations(self) -> npt.NDArray[np.float64]:
+        """Standard deviations (r,) of the base parameters in the prior."""
+        base, std = self.used_base, self.fit.prior.std
+        mixed = base.combination**2 @ std[base.dependent] ** 2
+        return np.asarray(np.sqrt(std[base.independent] ** 2 + mixed))
+
+    @property
     def samples(self) -> int:
         """Number of recorded samples in the identification bags."""
         return sum(bag.samples.recorded for bag in self.identification)
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """Comparison of one quantity of an identification result with its limit.
 
     Attributes
@@ -164,26 +170,11 @@ class Check:
     value: float
     passed: bool
 
-
-@dataclass(frozen=True)
-class Verdict:
-    """Comparison of an identification result with all requested limits."""
-
-    checks: tuple[Check, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether all values are within their limits."""
-        return all(check.passed for check in self.checks)
-
     @property
     def text(self) -> str:
-        """Text with one line per limit, for a terminal."""
-        return '\n'.join(
-            f'{"passed" if check.passed else "FAILED"}  {check.name}: {check.value:.4g}, at most '
-            f'{check.limit:.4g}'
-            for check in self.checks
-        )
+        """One line for a terminal."""
+        verdict = 'passed' if self.passed else 'FAILED'
+        return f'{verdict}  {self.name}: {self.value:.4g}, at most {self.limit:.4g}'
 
 
 def _bags(result: IdentificationResult) -> list[BagAssessment]:
@@ -228,11 +219,8 @@ def read_limits(path: Path) -> dict[str, float]:
         If the file cannot be read, or contains anything but numbers for keys of `LIMITS`.
     """
     try:
-        document = read_plain(path)
-    except OSError as error:
-        raise IdentificationError(
-            f'{path} cannot be read ({error.strerror or error}): check the path'
-        ) from None
+        with readable(path):
+            document = read_plain(path)
     except ConfigError as error:
         raise IdentificationError(f'{path}: {" ".join(str(error).split())}') from None
     known = f'limits are {", ".join(LIMITS)}'
@@ -248,7 +236,7 @@ def read_limits(path: Path) -> dict[str, float]:
     return {key: float(value) for key, value in document.items()}
 
 
-def judge(result: IdentificationResult, limits: dict[str, float]) -> Verdict:
+def judge(result: IdentificationResult, limits: dict[str, float]) -> list[Check]:
     """Compare an identification result with limits.
 
     Parameters
@@ -256,11 +244,8 @@ def judge(result: IdentificationResult, limits: dict[str, float]) -> Verdict:
     limits : dict
         Largest allowed value for each key of `LIMITS`.
     """
-    checks = []
-    for name, limit in limits.items():
-        value = LIMITS[name](result)
-        checks.append(Check(name, limit, value, value <= limit))
-    return Verdict(tuple(checks))
+    values = ((name, limit, LIMITS[name](result)) for name, limit in limits.items())
+    return [Check(name, limit, value, value <= limit) for name, limit, value in values]
 
 
 def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, EnergyBalance]:
@@ -290,7 +275,7 @@ def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, E
     for bag, assessment in zip(bags, assessed, strict=True):
         samples, motion, kept = bag.samples, bag.motion, bag.samples.kept
         torques = model.torques(motion.q, motion.dq, motion.ddq)
-        rigid, weight = (motion.whole(torque)[kept] for torque in torques)
+        rigid, weight = (bag.whole(torque)[kept] for torque in torques)
         friction = assessment.prediction.filtered[kept] - rigid
         dt = float(np.median(np.diff(samples.time)))
         balances[assessment.bag] = model.split(

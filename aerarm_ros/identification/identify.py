@@ -1,7 +1,7 @@
 """Function for the complete offline identification, from recordings to parameter estimates."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -49,12 +49,7 @@ from aerarm_ros.identification.regression.base_parameters import (
 from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
 from aerarm_ros.identification.regression.regression import SampleColumns, triangular_factor
 from aerarm_ros.identification.residual_split import ResidualSplit, split_residual
-from aerarm_ros.identification.rollout import (
-    RolloutError,
-    RolloutWindows,
-    rollout_error,
-    rollout_samples,
-)
+from aerarm_ros.identification.rollout import RolloutWindows, rollout_error, rollout_samples
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_all
 from aerarm_ros.model.regressor import Regressor
@@ -111,7 +106,7 @@ def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[Sam
         known = (noise > 0.0) & (counts > 0)
         weights = np.where(known, together / np.where(known, noise, 1.0), 1.0)
         weighted = [
-            bag.with_weights(own)
+            bag.altered(weights=own)
             for bag, own in zip(bags, np.clip(weights, 1.0 / _MOST, _MOST), strict=True)
         ]
     return weighted
@@ -308,7 +303,7 @@ def identify(
         }
         recommended, names = solutions[RECOMMENDED], fit.model.joint_names
         errors = find_input_errors(level.robot, motion.level_bags, cad)
-        warnings += [error.warning for error in errors]
+        warnings += errors
         warnings += recommended.estimate.notes
         warnings += error_warnings(solutions, bags, cad, names)
         warnings += joint_warnings(recommended, names) + held
@@ -324,7 +319,14 @@ def identify(
         splits, unsplit = _splits(motion, estimates[RECOMMENDED], config, judged)
         warnings += unsplit
     with stopwatch.stage('rollouts'):
-        rollouts = _rollouts(motion, fit, estimates, judged) if options.rollouts else []
+        thetas = {name: estimate.theta for name, estimate in estimates.items()}
+        rollouts = [
+            error
+            for recording in (judged if options.rollouts else ())
+            for error in rollout_error(
+                robot, fit.model, rollout_samples(choice.conditioner, recording), thetas
+            )
+        ]
     return IdentificationResult(
         robot=robot,
         cad=cad,
@@ -408,21 +410,6 @@ def _splits(
                 f'this bag: {error}'
             )
     return splits, warnings
-
-
-def _rollouts(
-    motion: _PreparedBags,
-    fit: ModelFit,
-    estimates: Mapping[str, Estimate],
-    recordings: Sequence[Recording],
-) -> list[RolloutError]:
-    """Return simulation errors with the parameters of each solver, for each recording."""
-    thetas = {name: estimate.theta for name, estimate in estimates.items()}
-    errors = []
-    for recording in recordings:
-        samples = rollout_samples(motion.choice.conditioner, recording)
-        errors += rollout_error(motion.robot, fit.model, samples, thetas)
-    return errors
 
 
 def _solved(

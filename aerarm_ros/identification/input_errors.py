@@ -9,6 +9,7 @@ therefore corrected in turn, a simple model is fitted, and the costs are compare
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -71,8 +72,7 @@ class _Motion:
         return replace(self, tau=tau)
 
 
-@dataclass(frozen=True)
-class _Fit:
+class _Fit(NamedTuple):
     """Quality of the fit of a simple torque model.
 
     `cost` is the sum of squared torque residuals and parameter deviations in standard deviations;
@@ -83,35 +83,8 @@ class _Fit:
     error: float
 
 
-@dataclass(frozen=True)
-class InputError:
-    """Suspected input error, whose correction makes the model explain the data better.
-
-    Attributes
-    ----------
-    text : str
-        Description of the error and its remedy.
-    before, after : float
-        Torque residual of a simple model with and without the error [%].
-    """
-
-    text: str
-    before: float
-    after: float
-
-    @property
-    def warning(self) -> str:
-        """Complete text of the warning."""
-        return (
-            f'{self.text} (with this correction a simple model leaves {self.after:.2g} % of the '
-            f'torque unexplained, without it {self.before:.2g} %)'
-        )
-
-
-def find_input_errors(
-    robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters
-) -> list[InputError]:
-    """Return the input error whose correction clearly improves the fit, in a list; else [].
+def find_input_errors(robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters) -> list[str]:
+    """Return a warning about the input error whose correction clearly improves the fit; else [].
 
     Parameters
     ----------
@@ -131,27 +104,10 @@ def find_input_errors(
     best, text = min(tried, key=lambda pair: pair[0].cost, default=(plain, ''))
     if best.cost > _CLEARLY * plain.cost or best.error > max(_GOOD, 0.5 * plain.error):
         return []
-    return [InputError(text, plain.error, best.error)]
-
-
-def torque_factors(
-    bags: Sequence[SampleColumns], cad: ArmParameters, joints: Sequence[str]
-) -> dict[str, float]:
-    """Return the ratio of measured to modelled torque, for joints with enough load.
-
-    Joints are included only if the measured torque clearly contains their model torque. Joints with
-    little load are excluded, because their torque is mainly friction, which the nominal model
-    lacks.
-    """
-    motion = _thinned(bags)
-    drawn = np.vstack([bag.links_torque(cad.inertial.ravel()) for bag in bags])
-    drawn = drawn[_chosen(bags)]
-    found = {}
-    for joint, name in enumerate(joints):
-        factor, share = _factor(motion, joint, drawn[:, joint])
-        if share > _EXPLAINED:
-            found[name] = factor
-    return found
+    return [
+        f'{text} (with this correction a simple model leaves {best.error:.2g} % of the torque '
+        f'unexplained, without it {plain.error:.2g} %)'
+    ]
 
 
 def _chosen(bags: Sequence[SampleColumns]) -> npt.NDArray[np.intp]:
@@ -289,57 +245,42 @@ def _trials(
         others = [other for other in range(motion.n) if other != joint]
         expected = rigid[:, joint] @ model.links(motion, rigid, others)
         factor, _ = _factor(motion, joint, expected)
-        yield motion.scaled(joint, -1.0), rigid, _sign_text(name)
+        text = (
+            f'the effort of {name} has the opposite sign: check the direction of its motor, or '
+            f'pass --effort-gain {name}=-1'
+        )
+        yield motion.scaled(joint, -1.0), rigid, text
         wrong = abs(factor - 1.0) > _OTHER_CONSTANT and _LEAST_FACTOR < factor < _MOST_FACTOR
         if wrong:
-            yield motion.scaled(joint, 1.0 / factor), rigid, _constant_text(name, factor)
+            text = (
+                f'the effort of {name} is {factor:.2g} times the value that follows from the '
+                'torque of the other joints: check its torque constant, gear ratio and unit, or '
+                f'pass --effort-gain {name}={1.0 / factor:.3g}'
+            )
+            yield motion.scaled(joint, 1.0 / factor), rigid, text
     for one, other in combinations(range(motion.n), 2):
         swapped = motion.swapped(one, other)
-        yield swapped, model.rigid(swapped), _swap_text(joints[one], joints[other])
+        first, second = joints[one], joints[other]
+        text = (
+            f'the names of {first} and {second} are swapped: check the order of the joints, or '
+            f'pass --rename {first}={second} {second}={first}'
+        )
+        yield swapped, model.rigid(swapped), text
     for joint, name in enumerate(joints):
         for angle in _ZEROS:
             shifted = motion.shifted(joint, angle)
-            yield shifted, model.rigid(shifted), _zero_text(name, angle)
+            text = (
+                f'the zero position of {name} is off by {np.degrees(angle):+.0f} degrees: check '
+                'the zero of its encoder, and whether the URDF belongs to that arm'
+            )
+            yield shifted, model.rigid(shifted), text
     for gravity in model.other_gravities():
-        yield motion, model.rigid(motion, gravity), _gravity_text(gravity)
-
-
-def _sign_text(name: str) -> str:
-    return (
-        f'the effort of {name} has the opposite sign: check the direction of its motor, or pass '
-        f'--effort-gain {name}=-1'
-    )
-
-
-def _constant_text(name: str, factor: float) -> str:
-    return (
-        f'the effort of {name} is {factor:.2g} times the value that follows from the torque of the '
-        'other joints: check its torque constant, gear ratio and unit, or pass --effort-gain '
-        f'{name}={1.0 / factor:.3g}'
-    )
-
-
-def _gravity_text(gravity: Array) -> str:
-    along = ' '.join(f'{value:.3g}' for value in gravity + 0.0)
-    return (
-        'the direction of gravity differs from the stated direction: check how the base is '
-        'mounted, or pass '
-        f'--gravity {along}'
-    )
-
-
-def _swap_text(one: str, other: str) -> str:
-    return (
-        f'the names of {one} and {other} are swapped: check the order of the joints, or pass '
-        f'--rename {one}={other} {other}={one}'
-    )
-
-
-def _zero_text(name: str, angle: float) -> str:
-    return (
-        f'the zero position of {name} is off by {np.degrees(angle):+.0f} degrees: check the zero '
-        'of its encoder, and whether the URDF belongs to that arm'
-    )
+        along = ' '.join(f'{value:.3g}' for value in gravity + 0.0)
+        text = (
+            'the direction of gravity differs from the stated direction: check how the base is '
+            f'mounted, or pass --gravity {along}'
+        )
+        yield motion, model.rigid(motion, gravity), text
 
 
 # Torque error [%] above which the CAD model contradicts the input. A prediction of zero torque
@@ -430,8 +371,9 @@ def coupling_warnings(
     """
     warnings = []
     errors = _joint_errors(recommended.identification, len(joints))
-    for joint, (driver, share) in _followed(recommended, bags).items():
-        if driver is not None and share > _FOLLOWS and errors[joint] > _LARGE:
+    for joint in np.flatnonzero(errors > _LARGE).tolist():
+        share, driver = max(_followed(recommended, bags, joint), default=(0.0, 0))
+        if share > _FOLLOWS:
             pair = f'{joints[joint]}={joints[driver]}'
             warnings.append(
                 f'the velocity or acceleration of {joints[driver]} explains {100.0 * share:.0f} % '
@@ -452,35 +394,25 @@ def _shares(joints: tuple[str, ...], errors: Array, reported: npt.NDArray[np.boo
 
 
 def _followed(
-    recommended: Solution, bags: list[SampleColumns]
-) -> dict[int, tuple[int | None, float]]:
-    """Return for each joint which joint's motion best explains the residual, and the fraction."""
-    n = bags[0].samples.n
-    couplings = {(k, kind): JointTerm(kind, driver=k) for k in range(n) for kind in COUPLED}
-    found: dict[int, tuple[int | None, float]] = {}
-    for joint in range(n):
-        rows = [bag.samples.usable[:, joint] for bag in bags]
-        pairs = list(zip(bags, recommended.identification, rows, strict=True))
-        residual = np.concatenate(
-            [(b.samples.tau - a.prediction.filtered)[row, joint] for b, a, row in pairs]
+    recommended: Solution, bags: list[SampleColumns], joint: int
+) -> Iterator[tuple[float, int]]:
+    """Yield the fraction of a joint's residual that each other joint's motion explains."""
+    rows = [bag.samples.usable[:, joint] for bag in bags]
+    pairs = list(zip(bags, recommended.identification, rows, strict=True))
+    residual = np.concatenate(
+        [(b.samples.tau - a.prediction.filtered)[row, joint] for b, a, row in pairs]
+    )
+    known = recommended.estimate.model.terms[joint]
+    for other in range(bags[0].samples.n):
+        terms = [JointTerm(kind, driver=other) for kind in COUPLED]
+        if other == joint or terms[0] in known or not len(residual):
+            continue
+        columns = np.concatenate(
+            [np.column_stack([b.term(term)[row, 0] for term in terms]) for b, _, row in pairs]
         )
-        best: tuple[int | None, float] = (None, 0.0)
-        known = recommended.estimate.model.terms[joint]
-        for other in range(n):
-            if other == joint or couplings[other, COUPLED[0]] in known or not len(residual):
-                continue
-            columns = np.concatenate(
-                [
-                    np.column_stack([b.term(couplings[other, kind])[row, 0] for kind in COUPLED])
-                    for b, _, row in pairs
-                ]
-            )
-            solved, *_ = np.linalg.lstsq(columns, residual, rcond=None)
-            left = residual - columns @ solved
-            share = 1.0 - float(left @ left) / max(float(residual @ residual), 1e-300)
-            best = max(best, (other, share), key=lambda pair: pair[1])
-        found[joint] = best
-    return found
+        solved, *_ = np.linalg.lstsq(columns, residual, rcond=None)
+        left = residual - columns @ solved
+        yield 1.0 - float(left @ left) / max(float(residual @ residual), 1e-300), other
 
 
 def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[str]:
@@ -517,18 +449,9 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
         )
     std = fit.prior.std if estimate.std is None else estimate.std
     clearly_negative = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
-    held = [
-        (name, term.kind)
-        for name, (_, term), less in zip(
-            fit.model.columns[start:],
-            fit.model.joint_columns,
-            clearly_negative[start:],
-            strict=True,
-        )
-        if less
-    ]
-    if held:
-        kinds = {kind for _, kind in held}
+    held = np.flatnonzero(clearly_negative[start:])
+    if len(held):
+        kinds = {fit.model.joint_columns[index][1].kind for index in held}
         if TermKind.COULOMB in kinds:
             check = 'check the sign of the effort of these joints'
         elif kinds == {TermKind.ROTOR}:
@@ -541,7 +464,7 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
                 'the model of these joints is inexact, or their measured velocities are delayed; '
                 'check the errors per joint'
             )
-        names = ', '.join(name for name, _ in held)
+        names = ', '.join(fit.model.columns[start + index] for index in held)
         warnings.append(
             f'the terms {names} are omitted, because their values are negative in a fit without '
             f'bounds: {check}'
@@ -550,9 +473,18 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
 
 
 def _suspects(bags: list[SampleColumns], cad: ArmParameters, joints: tuple[str, ...]) -> list[str]:
-    """Return texts about joints whose measured and modelled torque differ in sign or magnitude."""
+    """Return texts about joints whose measured and modelled torque differ in sign or magnitude.
+
+    Joints with little load are excluded, because their torque is mainly friction, which the nominal
+    model lacks.
+    """
     found = []
-    for name, factor in torque_factors(bags, cad, joints).items():
+    motion = _thinned(bags)
+    drawn = np.vstack([bag.links_torque(cad.inertial.ravel()) for bag in bags])[_chosen(bags)]
+    for joint, name in enumerate(joints):
+        factor, share = _factor(motion, joint, drawn[:, joint])
+        if share <= _EXPLAINED:
+            continue
         if factor < 0.0:
             found.append(f'the effort of {name} has the opposite sign')
         elif not 1.0 / _OTHER_UNIT < factor < _OTHER_UNIT:

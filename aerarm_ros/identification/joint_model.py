@@ -44,6 +44,9 @@ _COEFFICIENTS = {
 COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
 """Kinds of terms for torque caused by another joint's motion; coefficients may be negative."""
 
+NOT_FRICTION = (TermKind.ROTOR, *COUPLED)
+"""Kinds of terms that are neither friction nor offset."""
+
 
 @dataclass(frozen=True)
 class JointTerm:

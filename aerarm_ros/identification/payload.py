@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
@@ -11,7 +12,7 @@ from aerarm_ros.identification.conditioning.motion_check import ConditioningOpti
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.joint_model import JointModel
-from aerarm_ros.identification.model_choice.filter_choice import choose_filter
+from aerarm_ros.identification.model_choice.filter_choice import choose_filter, condition_once
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.regression.base_parameters import Noise, Prior, noise_from_residuals
 from aerarm_ros.identification.regression.model_fit import (
@@ -147,7 +148,7 @@ def identify_payload(
     regressor = Regressor(result.robot)
     kinematics = result.filter_choice.kinematics
     bags = [
-        SampleColumns(result.conditioner.condition(recording, kinematics), regressor)
+        condition_once(regressor, result.conditioner, recording, kinematics)
         for recording in recordings
     ]
     fit = result.fit
@@ -317,9 +318,6 @@ class GainCalibration:
     payload: Payload
 
 
-_CALIBRATION_STEPS = 30
-
-
 def calibrate_gains(
     robot: Robot,
     estimate: Estimate,
@@ -358,29 +356,22 @@ def calibrate_gains(
     body = carried * mass / carried[0]
     wide = _WIDE * mass * np.array([*[_SIZE] * 3, *[_SIZE**2] * 6])
     common = np.linalg.inv(deviation**2 * (np.ones((robot.n, robot.n)) + 0.25 * np.eye(robot.n)))
-    start = body.copy()
-    for _ in range(_CALIBRATION_STEPS):
-        rows, left = [], []
-        for joint, block in enumerate(residual.joints):
-            slope = np.zeros((len(block), 9 + robot.n))
-            predicted = block[:, :10] @ body
-            slope[:, :9] = factors[joint] * block[:, 1:10]
-            slope[:, 9 + joint] = predicted
-            rows.append(slope)
-            left.append(block[:, 10] - factors[joint] * predicted)
-        slopes = np.vstack(rows)
-        information = slopes.T @ slopes
-        pull = slopes.T @ np.concatenate(left)
-        information[:9, :9] += np.diag(wide**-2.0)
-        pull[:9] -= (body - start)[1:] / wide**2
-        information[9:, 9:] += common
-        pull[9:] -= common @ (factors - 1.0)
-        step = np.linalg.solve(information, pull)
-        body[1:] += step[:9]
-        factors = factors + step[9:]
-        if np.abs(step[9:]).max() < 1e-9:
-            break
-    covariance = np.linalg.inv(information)
+    root = np.linalg.cholesky(common).T
+    start = body[1:].copy()
+
+    def left(unknown: Array) -> Array:
+        """Return the torque residuals, and deviations from the prior."""
+        inertial, factors = np.append(mass, unknown[:9]), unknown[9:]
+        rows = [
+            block[:, 10] - factor * (block[:, :10] @ inertial)
+            for factor, block in zip(factors, residual.joints, strict=True)
+        ]
+        return np.concatenate([*rows, (unknown[:9] - start) / wide, root @ (factors - 1.0)])
+
+    precise = dict.fromkeys(('ftol', 'xtol', 'gtol'), 1e-14)
+    found = least_squares(left, [*start, *factors], '3-point', x_scale='jac', **precise)
+    body[1:], factors = found.x[:9], found.x[9:]
+    covariance = np.linalg.inv(found.jac.T @ found.jac)
     spread = np.zeros((10, 10))
     spread[1:, 1:] = covariance[:9, :9]
     std = np.sqrt(np.diag(covariance)[9:]) / factors**2

@@ -113,11 +113,15 @@ def split_residual(
     IdentificationError
         If the motion is too short for the filter.
     """
-    bag = _conditioned(regressor, conditioner, kinematics, recording)
+
+    def conditioned(recording: Recording) -> SampleColumns:
+        return SampleColumns(conditioner.condition(recording, kinematics, True), regressor)
+
+    bag = conditioned(recording)
     samples = bag.samples
     prediction = bag.predict(estimate.model, estimate.theta)
     residual, raw = samples.tau - prediction.filtered, samples.tau_raw - prediction.raw
-    noise = _noise_torques(regressor, conditioner, kinematics, estimate, recording, bag)
+    noise = _noise_torques(bag, conditioned(_with_noise(recording)), estimate)
     patterns = _patterns(regressor, estimate, bag, prediction.filtered, residual, ratios)
     n = samples.n
     rms, above = np.full(n, np.nan), np.full(n, np.nan)
@@ -139,15 +143,6 @@ def split_residual(
     return ResidualSplit(recording.name, rms, fractions, above)
 
 
-def _conditioned(
-    regressor: Regressor,
-    conditioner: Conditioner,
-    kinematics: KinematicsFilter,
-    recording: Recording,
-) -> SampleColumns:
-    return SampleColumns(conditioner.condition(recording, kinematics, predicted=True), regressor)
-
-
 def white_noise(values: Array) -> Array:
     """Return the standard deviation of white noise in signals (M, n).
 
@@ -167,38 +162,32 @@ def white_noise(values: Array) -> Array:
     return np.asarray(np.minimum(by_spectrum, by_difference))
 
 
-def _noise_torques(
-    regressor: Regressor,
-    conditioner: Conditioner,
-    kinematics: KinematicsFilter,
-    estimate: Estimate,
-    recording: Recording,
-    bag: SampleColumns,
-) -> dict[str, Array]:
-    """Return the filtered torque (M, n) [Nm] that noise of the measured level causes."""
+def _with_noise(recording: Recording) -> Recording:
+    """Return a recording with additional white noise of the measured level."""
     random = np.random.default_rng(0)
 
     def noisy(values: Array) -> Array:
         return values + white_noise(values) * random.standard_normal(values.shape)
 
-    measured = recording.dq
-    again = replace(
-        recording,
-        q=noisy(recording.q),
-        dq=None if measured is None else noisy(measured),
-        tau=noisy(recording.tau),
-    )
-    other = _conditioned(regressor, conditioner, kinematics, again)
+    q, measured = noisy(recording.q), recording.dq
+    dq = None if measured is None else noisy(measured)
+    return replace(recording, q=q, dq=dq, tau=noisy(recording.tau))
+
+
+def _noise_torques(
+    bag: SampleColumns, noisy: SampleColumns, estimate: Estimate
+) -> dict[str, Array]:
+    """Return the filtered torque (M, n) [Nm] that noise of the measured level causes."""
 
     def change(before: Array, after: Array) -> Array:
         # Noise may shift the ends of the motion by some samples.
-        time = other.samples.time
+        time = noisy.samples.time
         spline = CubicSpline(time, after)
         return np.asarray(spline(np.clip(bag.samples.time, time[0], time[-1])) - before)
 
-    predicted = [each.predict(estimate.model, estimate.theta).filtered for each in (bag, other)]
+    predicted = [each.predict(estimate.model, estimate.theta).filtered for each in (bag, noisy)]
     return {
-        TORQUE_NOISE: change(bag.samples.tau, other.samples.tau),
+        TORQUE_NOISE: change(bag.samples.tau, noisy.samples.tau),
         MOTION_NOISE: change(*predicted),
     }
 

@@ -110,11 +110,14 @@ class JointTorques:
     """Torque of friction, rotors, offsets and couplings of n joints, with k coefficients."""
 
     def __init__(self, model: JointModel) -> None:
-        self._n = model.n
         self._terms = [
             (joint, joint if term.driver is None else term.driver, _spread(term))
             for joint, term in model.joint_columns
         ]
+        unit = np.eye(model.n)
+        self._own = unit[[joint for joint, _, _ in self._terms]]
+        self._moving = unit[[moving for _, moving, _ in self._terms]]
+        self._is_inertia = np.array([term.kind in _INERTIA for _, _, term in self._terms])
 
     def columns(self, dq: Array, ddq: Array, load: Array) -> Array:
         """Return the torque (W, n, k) of each term for a coefficient of 1 [Nm].
@@ -131,29 +134,17 @@ class JointTorques:
 
     def without_inertia(self, columns: Array) -> Array:
         """Return columns with zeros for acceleration terms; these are part of the mass matrix."""
-        kept = [float(term.kind not in _INERTIA) for _, _, term in self._terms]
-        return np.asarray(columns * np.array(kept))
+        return np.asarray(columns * ~self._is_inertia)
 
     def inertia(self, values: Array) -> Array:
         """Return the (n, n) inertia matrix of the joints' acceleration terms [kg m^2]."""
-        matrix = np.zeros((self._n, self._n))
-        for value, (joint, moving, term) in zip(values, self._terms, strict=True):
-            if term.kind in _INERTIA:
-                matrix[joint, moving] += value
-        return matrix
+        return np.asarray((self._own.T * (values * self._is_inertia)) @ self._moving)
 
     def damping(self, values: Array, dq: Array, load: Array) -> Array:
         """Return the (W, n, n) derivative of torque with respect to velocity [Nms/rad]."""
-        matrix = np.zeros((*dq.shape, self._n))
-        still = np.zeros(len(dq))
-        for value, (joint, moving, term) in zip(values, self._terms, strict=True):
-            if term.kind not in _INERTIA:
-                above, below = (
-                    term.basis(dq[:, moving] + way * _SLOPE, still, load[:, joint])
-                    for way in (0.5, -0.5)
-                )
-                matrix[:, joint, moving] += value * (above - below) / _SLOPE
-        return matrix
+        still = np.zeros_like(dq)
+        above, below = (self.columns(dq + way * _SLOPE, still, load) for way in (0.5, -0.5))
+        return np.asarray(values * (above - below) / _SLOPE @ self._moving)
 
 
 def simulated_model(model: JointModel) -> JointModel:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from aerarm_ros.description.config_reader import read_plain
 from aerarm_ros.identification.assessment import torque_errors
-from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.errors import IdentificationError, readable
 from aerarm_ros.identification.joint_model import JointModel, TermKind
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
 from aerarm_ros.identification.regression.model_fit import ModelFit
@@ -39,10 +39,6 @@ class Truth:
     parameters: Mapping[str, float]
     load_friction: Array
     measured_per_true_torque: Array
-
-    def value(self, column: str) -> float | None:
-        """Return the true value of a column, None if unknown."""
-        return self.parameters.get(column)
 
     def vector(self, model: JointModel) -> Array:
         """Return the true parameter vector in the order of `model.columns`; 0 for unknown terms."""
@@ -124,18 +120,15 @@ def load_truth(path: Path, model: JointModel) -> Truth:
     IdentificationError
         If the file cannot be read or lacks a parameter of the arm.
     """
-    try:
-        return _truth(read_plain(path), model)
-    except OSError as error:
-        raise IdentificationError(
-            f'{path} cannot be read ({error.strerror or error}): check the path'
-        ) from None
-    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        reason = ' '.join(str(error).split())
-        raise IdentificationError(
-            f'{path} is not a file of true parameters of this arm ({reason}): pass the '
-            'truth_file of the simulation'
-        ) from None
+    with readable(path):
+        try:
+            return _truth(read_plain(path), model)
+        except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+            reason = ' '.join(str(error).split())
+            raise IdentificationError(
+                f'{path} is not a file of true parameters of this arm ({reason}): pass the '
+                'truth_file of the simulation'
+            ) from None
 
 
 def _truth(document: Any, model: JointModel) -> Truth:

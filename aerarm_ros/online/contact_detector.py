@@ -13,14 +13,13 @@ from aerarm_ros.control.checks import positive
 from aerarm_ros.motion.signals import ArmState, Array
 from aerarm_ros.online.external_torque import (
     LONGEST_GAP,
-    EncoderWatch,
     ExternalTorque,
     ResidualBound,
     StateWindow,
     Unexplained,
 )
 from aerarm_ros.online.load_test import LoadTest
-from aerarm_ros.online.payload_estimator import EffortWatch
+from aerarm_ros.online.payload_estimator import FROZEN_EFFORT, MOVING, FrozenSignal
 
 
 class Cause(Enum):
@@ -156,6 +155,9 @@ _OFF = 100.0  # share of dry friction with which no torque at rest counts
 _BLIND = 0.5  # [s] without a complete window, after which there is a problem
 _LATE = 10  # consecutive states with a much earlier time, after which the clock has changed
 _UNKNOWN = 1.0  # [s] without states, in which the load may have changed
+_FROZEN_ENCODER = (
+    'position of {} stays at {:.4g} rad while the joint moves: check the encoder and its cable'
+)
 
 
 class ContactDetector:
@@ -197,7 +199,8 @@ class ContactDetector:
         self._report: ContactReport | None = None
         self.events: list[ContactEvent] = []
         names = external.dynamics.robot.joint_names
-        self._encoders, self._efforts = EncoderWatch(names), EffortWatch(names)
+        self._encoders = FrozenSignal(names, _FROZEN_ENCODER)
+        self._efforts = FrozenSignal(names, FROZEN_EFFORT)
         self._first: float | None = None
         self._last: float | None = None
         self._late = 0  # consecutive states with an earlier time
@@ -289,8 +292,9 @@ class ContactDetector:
         if window is None:
             return self._report
         self._blind, self._seen = 0.0, state.q
-        self._encoders.update(state, window.dt)
-        self._efforts.update(state, window.dt)
+        q = np.where(np.abs(state.dq) > MOVING, state.q, np.nan)  # constant at rest as well
+        self._encoders.update(q, state.dq, window.dt)
+        self._efforts.update(state.tau, state.dq, window.dt)
         if self._encoders.problem or self._efforts.problem:
             self._start_again(now, now)
             return None

@@ -16,7 +16,7 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState, Array
 from aerarm_ros.online.friction_trend import JointFriction
-from aerarm_ros.online.replay import KnownArm
+from aerarm_ros.online.replay import KnownArm, recorded_states
 
 FEATURES = (
     'constant', 'dry friction', 'dry friction at low speed', 'speed', 'gravity', 'acceleration',
@@ -33,43 +33,7 @@ WINDOW = 5e-3
 _CREEPING = 0.012  # [rad/s] below which dry friction may have another direction or be static
 _SLOW = 0.05  # [rad/s] below which the model of dry friction may be inaccurate
 
-_FROZEN = 0.2  # [s] in which the position of a moving joint changes
 _LOST = 2.5  # cycles without a state, in which states were lost
-
-
-class EncoderWatch:
-    """Detector of joints whose position stays constant although the velocity is not zero.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Names of the joints.
-
-    Attributes
-    ----------
-    problem : str
-        Description of the problem; empty if there is none.
-    """
-
-    def __init__(self, names: tuple[str, ...]) -> None:
-        self._names = names
-        self._before = np.full(len(names), np.nan)
-        self._same = np.zeros(len(names))
-        self.problem = ''
-
-    def update(self, state: ArmState, dt: float) -> None:
-        """Process a joint state, `dt` [s] after the previous state."""
-        stuck = (state.q == self._before) & (np.abs(state.dq) > _SLOW)
-        self._before = np.array(state.q)
-        self._same = np.where(stuck, self._same + dt, 0.0)
-        frozen = np.flatnonzero(self._same > _FROZEN)
-        self.problem = ''
-        if len(frozen):
-            names = ', '.join(self._names[index] for index in frozen)
-            self.problem = (
-                f'position of {names} stays at {state.q[frozen[0]]:.4g} rad while the velocity is '
-                f'{state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
-            )
 
 
 class MeanState(NamedTuple):
@@ -267,28 +231,20 @@ class ExternalTorque:
         IdentificationError
             If the recording has no velocities.
         """
-        if recording.dq is None:
-            raise IdentificationError(
-                f'{recording.name} has no velocities, which the observer needs: record velocities '
-                'with the positions'
-            )
         self.reset()
         window, last = StateWindow(), float(recording.time[0])
-        rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
-        for count, (time, q, dq, tau) in enumerate(rows):
-            if count % 1000 == 0 and is_stopped():
-                raise KeyboardInterrupt
+        for count, (time, state) in enumerate(recorded_states(recording, is_stopped)):
             dt = time - last if count else float(np.median(np.diff(recording.time)))
             if dt > LONGEST_GAP:
                 self.reset()
                 window.reset()
             elif window.has_lost(dt):  # the torque of this time is unknown
                 window.reset()
-                self.rebase(q, dq, None)
+                self.rebase(state.q, state.dq, None)
                 last = time
                 continue
             last = time
-            mean = window.update(ArmState(q, dq, tau), dt)
+            mean = window.update(state, dt)
             if mean is not None:
                 yield time, mean.state, self.update(mean)
 
@@ -407,14 +363,12 @@ class ResidualBound:
         try:
             shares = np.array(values['shares'], dtype=float).reshape(n, len(FEATURES))
             noise = np.array(values['noise'], dtype=float).reshape(n)
-            gain, margin, spread, rest = (
-                float(values[key])
-                for key in ('observer_gain', 'margin', 'friction_spread', 'rest_share')
-            )
+            keys = ('observer_gain', 'margin', 'friction_spread', 'rest_share')
+            numbers = gain, margin, spread, rest = [float(values[key]) for key in keys]
         except (KeyError, TypeError, ValueError):
             raise ValueError(f'a value of {name} is missing or is not a number: {advice}') from None
-        numbers = np.concatenate([shares.ravel(), noise, [gain, margin, spread, rest]])
-        if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and gain * margin > 0.0):
+        every = np.concatenate([shares.ravel(), noise, numbers])
+        if not (np.isfinite(every).all() and (every >= 0.0).all() and gain * margin > 0.0):
             raise ValueError(f'values of {name} must be finite and not negative: {advice}')
         return cls(shares, noise, gain, margin, spread, rest)
 

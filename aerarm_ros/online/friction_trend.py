@@ -11,6 +11,7 @@ import numpy as np
 
 from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.description.resources import write_whole
+from aerarm_ros.identification.assessment import weighted_line
 from aerarm_ros.identification.joint_model import JointTerm, TermKind
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.online.payload_estimator import FRICTION_NAMES
@@ -183,17 +184,9 @@ class FrictionTrend:
 
 def _change(name: str, time: Array, value: Array, std: Array) -> FrictionChange:
     """Return the change of a coefficient, by a weighted least-squares line through its records."""
-    weight = 1.0 / std**2
-    centre = float(weight @ time / weight.sum())
-    since = (time - centre) / WEEK
-    moment = float(weight @ since**2)
-    mean = float(weight @ value / weight.sum())
-    rate = float(weight @ (since * (value - mean)) / moment)
-    left = value - mean - rate * since
-    # If records scatter more than their deviations, as with temperature, use the scatter.
-    scatter = float(weight @ left**2) / max(len(time) - 2, 1)
-    rate_std = float(np.sqrt(max(scatter, 1.0) / moment))
-    old, new = (mean + rate * float(since[index]) for index in (0, -1))
+    weeks = time / WEEK - time.mean() / WEEK
+    mean, rate, rate_std = weighted_line(weeks, value, std)
+    old, new = (mean + rate * float(weeks[index]) for index in (0, -1))
     return FrictionChange(name, old, new, rate / rate_std, rate, rate_std)
 
 

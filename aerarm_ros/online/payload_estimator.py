@@ -2,7 +2,6 @@
 
 from collections import deque
 from dataclasses import dataclass, fields
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -119,24 +118,19 @@ class EstimatorSettings:
         return mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
 
 
+_ALLOWED = 5.0  # mean of squared errors over their variance, without a change
+_THRESHOLD = 60.0  # sum above which a change is detected
+
+
 class ChangeTest:
     """Cumulative sum test for errors that have become larger than expected.
 
     Page: Continuous inspection schemes (1954). The sum adds each squared error over its variance,
-    minus `allowed`, up to a limit, so that a single outlier causes no detection.
-
-    Parameters
-    ----------
-    allowed : float
-        Mean of squared errors over their variance, without a change.
-    threshold : float
-        Sum above which a change is detected.
+    minus an allowed value, up to a limit, so that a single outlier causes no detection.
     """
 
-    def __init__(self, allowed: float = 5.0, threshold: float = 60.0) -> None:
-        self._allowed = allowed
-        self._threshold = threshold
-        self._sum = 0.0
+    def __init__(self) -> None:
+        self.reset()
 
     def reset(self) -> None:
         """Reset the cumulative sum."""
@@ -144,22 +138,24 @@ class ChangeTest:
 
     def update(self, square: float) -> bool:
         """Add a squared error divided by its variance; return whether the test detects a change."""
-        change = min(square, 0.5 * self._threshold) - self._allowed
-        self._sum = max(0.0, self._sum + change)
-        return self._sum > self._threshold
+        self._sum = max(0.0, self._sum + min(square, 0.5 * _THRESHOLD) - _ALLOWED)
+        return self._sum > _THRESHOLD
 
 
-_FROZEN = 0.2  # [s] in which the measured torque of a moving joint changes
-_MOVING = 0.05  # [rad/s]
+_FROZEN = 0.2  # [s] in which a signal of a moving joint changes
+MOVING = 0.05
+"""Speed [rad/s] above which a joint surely moves."""
 
 
-class EffortWatch:
-    """Detector of joints that move while the measured torque stays exactly constant.
+class FrozenSignal:
+    """Detector of joints that move while a measured signal stays exactly constant.
 
     Parameters
     ----------
     names : tuple of str
         Names of the joints.
+    text : str
+        Description of the problem, with two places for the joints' names and the constant value.
 
     Attributes
     ----------
@@ -167,28 +163,32 @@ class EffortWatch:
         Description of the problem; empty if there is none.
     """
 
-    def __init__(self, names: tuple[str, ...]) -> None:
+    def __init__(self, names: tuple[str, ...], text: str) -> None:
         self._names = names
+        self._text = text
         self._before = np.full(len(names), np.nan)
         self._same = np.zeros(len(names))
         self.problem = ''
 
-    def update(self, state: ArmState, dt: float) -> None:
-        """Process a joint state, `dt` [s] after the previous state."""
-        is_same = state.tau == self._before
-        self._before = np.array(state.tau)
+    def update(self, values: Array, dq: Array, dt: float) -> None:
+        """Process signal values (n,) at velocities `dq`, `dt` [s] after the previous values."""
+        is_same = values == self._before
+        self._before = np.array(values)
         if not is_same.any() and not self.problem:
             self._same[:] = 0.0
             return
-        self._same = np.where(is_same, self._same + dt * (np.abs(state.dq) > _MOVING), 0.0)
+        self._same = np.where(is_same, self._same + dt * (np.abs(dq) > MOVING), 0.0)
         frozen = np.flatnonzero(self._same > _FROZEN)
         self.problem = ''
         if len(frozen):
             names = ', '.join(self._names[index] for index in frozen)
-            self.problem = (
-                f'effort of {names} stays at {state.tau[frozen[0]]:.3g} Nm while the joint '
-                'moves: check that joint_states has measured torques'
-            )
+            self.problem = self._text.format(names, values[frozen[0]])
+
+
+FROZEN_EFFORT = (
+    'effort of {} stays at {:.3g} Nm while the joint moves: check that joint_states has measured '
+    'torques'
+)
 
 
 PERIOD = 0.02
@@ -207,13 +207,6 @@ _LARGEST = 5.0  # standard deviations above which an error has less weight
 _SMALL_SHARE = 0.02  # standard deviation of load-dependent friction if the model has none
 _SMALL_FRICTION = 0.01  # [Nm], [Nms/rad]: standard deviation of other friction
 _LEAST_NOISE = 0.25  # smallest noise, relative to the initial one
-
-
-class _Phase(NamedTuple):
-    """Phase of the estimation: whether a payload is present, and start time [s]."""
-
-    carries: bool
-    since: float
 
 
 class PayloadEstimator:
@@ -269,7 +262,7 @@ class PayloadEstimator:
         self._tare_scale = s.body_scale(s.tare_mass)
         self._load_scale = s.body_scale(s.payload_mass)
         self._filter = InformationFilter(20 + len(self._friction))
-        self._efforts = EffortWatch(dynamics.robot.joint_names)
+        self._efforts = FrozenSignal(dynamics.robot.joint_names, FROZEN_EFFORT)
         self._change = ChangeTest()
         # A persistent error is one error, not one per period.
         self._repeated = 2.0 * s.correlation_time
@@ -315,7 +308,7 @@ class PayloadEstimator:
                 self._interrupt()
                 self._last = now
             return None
-        self._efforts.update(state, now - last)
+        self._efforts.update(state.tau, state.dq, now - last)
         if self._efforts.problem:
             self._motion.reset()
             return None
@@ -350,7 +343,7 @@ class PayloadEstimator:
 
     def _start_anew(self) -> None:
         self._filter = InformationFilter(20 + len(self._friction))
-        self._phase = _Phase(False, -np.inf)
+        self._carries, self._since = False, -np.inf
         self._found: float | None = None
         self._fault = ''
         self._bare_time = 0.0
@@ -377,9 +370,9 @@ class PayloadEstimator:
         if self._change.update(square):
             self._change_found(now)
             return None if self._fault else self._new_estimate(now)
-        if now - self._phase.since > _FAST:
+        if now - self._since > _FAST:
             self._measure_noise(error, rows, row)
-        if now - self._phase.since > _SETTLING:
+        if now - self._since > _SETTLING:
             self._take(rows, row, error, now)
         estimate = self._new_estimate(now)
         if estimate.carries and now - estimate.since > _FAST and _is_nothing(estimate.payload):
@@ -396,7 +389,7 @@ class PayloadEstimator:
     def _rows(self, row: MotionRow) -> Array:
         """Return the regression rows of the n joint torques, in the scale of the filter."""
         body, friction = row.regressor[:, :10], row.regressor[:, 10:]
-        load = self._load_scale if self._phase.carries else np.zeros(10)
+        load = self._load_scale if self._carries else np.zeros(10)
         return np.hstack([body * self._tare_scale, body * load, friction * self._friction_scale])
 
     def _innovation(self, rows: Array, row: MotionRow) -> tuple[Array, float]:
@@ -422,10 +415,10 @@ class PayloadEstimator:
     def _kept(self, now: float) -> Array:
         """Return the fraction of the information that each parameter keeps in this period."""
         s, kept = self.settings, np.ones(20 + len(self._friction))
-        if now - self._phase.since < _FAST:
+        if now - self._since < _FAST:
             return kept
         # With a payload, the bias of the bare arm is not learnt.
-        kept[_LOAD if self._phase.carries else _TARE] = np.exp(-self._period / s.memory)
+        kept[_LOAD if self._carries else _TARE] = np.exp(-self._period / s.memory)
         kept[20:] = np.exp(-self._period / s.friction_memory)
         return kept
 
@@ -442,7 +435,7 @@ class PayloadEstimator:
             self._filter.belief = self._history[0]
         self._history.clear()
         self._change.reset()
-        if self._phase.carries:
+        if self._carries:
             self._found = now
         elif self.has_moved_empty:
             self._begin(True, now)
@@ -467,7 +460,7 @@ class PayloadEstimator:
 
     def _begin(self, carries: bool, now: float) -> None:
         self._filter.forget(_LOAD)
-        self._phase = _Phase(carries, now)
+        self._carries, self._since = carries, now
         self._found = None
         self._quiet = 0.0
         self._change.reset()
@@ -483,7 +476,7 @@ class PayloadEstimator:
     # Published estimates.
 
     def _new_estimate(self, now: float) -> OnlineEstimate:
-        belief, carries = self._filter.belief, self._phase.carries
+        belief, carries = self._filter.belief, self._carries
         block, scale = (_LOAD, self._load_scale) if carries else (_TARE, self._tare_scale)
         covariance = belief.covariance[block, block] * np.outer(scale, scale)
         body = ball(SPECK, np.zeros(3), self.settings.payload_size)
@@ -497,7 +490,7 @@ class PayloadEstimator:
             now,
             Payload(self.link, body, covariance),
             carries,
-            self._phase.since,
+            self._since,
             scale,
             (self._friction + deviation).reshape(3, n),
             spread.reshape(3, n),

@@ -1,7 +1,7 @@
 """Payload estimation from recordings, by the estimator that also runs online."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -19,6 +19,31 @@ from aerarm_ros.online.payload_estimator import EstimatorSettings, OnlineEstimat
 
 _FOLLOWED = (TermKind.VISCOUS, TermKind.COULOMB, TermKind.LOAD)
 _ELSEWHERE = (*_FOLLOWED, TermKind.ROTOR, *COUPLED)
+
+
+def recorded_states(
+    recording: Recording, is_stopped: Callable[[], bool] = lambda: False
+) -> Iterator[tuple[float, ArmState]]:
+    """Yield times [s] and joint states of a recording.
+
+    Raises
+    ------
+    IdentificationError
+        If the recording has no velocities.
+    KeyboardInterrupt
+        If `is_stopped`, called from time to time, returns True.
+    """
+    if recording.dq is None:
+        raise IdentificationError(
+            f'{recording.name} has no velocities, which this program needs: record velocities with '
+            'the positions, or estimate a payload with identifier --payload, which differentiates '
+            'positions'
+        )
+    rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
+    for count, (time, *state) in enumerate(rows):
+        if count % 1000 == 0 and is_stopped():
+            raise KeyboardInterrupt
+        yield time, ArmState(*state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,28 +100,14 @@ class KnownArm:
     def states(
         self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
     ) -> Iterator[tuple[float, ArmState]]:
-        """Yield times [s] and joint states of a recording; the torque of `others` is subtracted.
+        """Return times [s] and joint states of a recording; the torque of `others` is subtracted.
 
-        Raises
-        ------
-        IdentificationError
-            If the recording has no velocities.
-        KeyboardInterrupt
-            If `is_stopped`, called from time to time, returns True.
+        Raises `IdentificationError` and `KeyboardInterrupt` like `recorded_states`.
         """
-        if recording.dq is None:
-            raise IdentificationError(
-                f'{recording.name} has no velocities, which the payload estimator needs: record '
-                'velocities, or estimate the payload with identifier --payload, which '
-                'differentiates '
-                'positions'
-            )
-        tau = recording.tau - self.other_torque(recording.dq)
-        rows = zip(recording.time.tolist(), recording.q, recording.dq, tau, strict=True)
-        for count, (time, *state) in enumerate(rows):
-            if count % 1000 == 0 and is_stopped():
-                raise KeyboardInterrupt
-            yield time, ArmState(*state)
+        if recording.dq is not None:
+            tau = recording.tau - self.other_torque(recording.dq)
+            recording = replace(recording, tau=tau)
+        return recorded_states(recording, is_stopped)
 
 
 _DOUBTFUL = 0.1  # of the dry friction: above, its direction is unknown

@@ -54,11 +54,6 @@ class SignalDelays:
     velocity: Array
     effort: Array
 
-    @classmethod
-    def none(cls, n: int) -> 'SignalDelays':
-        """Return delays of zero for n joints."""
-        return cls(np.zeros(n), np.zeros(n))
-
 
 # Smallest relevant lag: a twentieth of a period at 25 Hz. Smaller lags are not significant.
 _LEAST = 2e-3  # [s]
@@ -320,7 +315,8 @@ class Conditioner:
 
     def __init__(self, recordings: Sequence[Recording], options: ConditioningOptions) -> None:
         self._options = options
-        self.delays = SignalDelays.none(len(recordings[0].joint_names))
+        in_time = np.zeros(len(recordings[0].joint_names))
+        self.delays = SignalDelays(in_time, in_time)
         self._parts: dict[Recording, PeriodicPart | None] = {}
         self._motions: dict[tuple[Recording, int], UniformMotion] = {}
         motions = [self._motion(r, 1, _factor(r, _SEARCH_RATE)) for r in recordings]
@@ -502,7 +498,11 @@ class Conditioner:
         time = motion.time[motion.window][::step]
         coarse = SpectralFilter(len(time), motion.dt * step, gain, 1, settling, memory)
         tau = motion.tau[motion.window]
-        kept = self._kept(motion, len(time), motion.dt * step)
+        kept = np.ones(len(time), dtype=bool)
+        if not motion.period:
+            edge = int(np.ceil(_EDGE / (self.cutoff * motion.dt * step)))
+            edge = min(edge, int(_EDGE_MOST * len(time)))
+            kept[:edge] = kept[len(time) - edge :] = False
         still = _standing_still(dq[::step], motion.dt * step)
         recording = motion.recording
         measured = kept[:, None] & ~recording.dead_effort
@@ -527,14 +527,6 @@ class Conditioner:
             block=_blocks(motion, len(time), step),
             cycle=(motion.period or 0) // step if kinematics.repeats(motion) else len(time),
         )
-
-    def _kept(self, motion: UniformMotion, count: int, dt: float) -> npt.NDArray[np.bool_]:
-        kept = np.ones(count, dtype=bool)
-        wanted = int(np.ceil(_EDGE / (self.cutoff * dt)))
-        edge = 0 if motion.period else min(wanted, int(_EDGE_MOST * count))
-        if edge:
-            kept[:edge] = kept[-edge:] = False
-        return kept
 
 
 def _tried(rule: float, least: float, highest: float) -> tuple[float, ...]:

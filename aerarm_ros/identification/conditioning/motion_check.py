@@ -162,16 +162,15 @@ def aperiodic_warnings(motions: Sequence[UniformMotion], options: ConditioningOp
         If the user requires the filter at the harmonics.
     """
     names = ', '.join(motion.recording.name for motion in motions if motion.period is None)
-    if options.filter == 'harmonics' and options.fundamental is not None:
-        raise IdentificationError(
-            f'--filter harmonics needs whole periods, but {names} contains no whole period of '
-            f'--fundamental {options.fundamental:g} Hz: check that option, or choose --filter '
-            'butterworth'
-        )
     if options.filter == 'harmonics':
+        reason = f'the motion of {names} does not repeat: record two periods, give --fundamental'
+        if options.fundamental is not None:
+            reason = (
+                f'{names} contains no whole period of --fundamental {options.fundamental:g} Hz: '
+                'check that option'
+            )
         raise IdentificationError(
-            f'--filter harmonics needs whole periods, but the motion of {names} does not repeat: '
-            'record two periods, give --fundamental, or choose --filter butterworth'
+            f'--filter harmonics needs whole periods, but {reason}, or choose --filter butterworth'
         )
     if options.harmonics is not None:
         return [

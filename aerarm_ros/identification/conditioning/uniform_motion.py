@@ -1,6 +1,8 @@
 """Recordings resampled to a uniform time grid, with the section used for identification."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,39 +22,6 @@ from aerarm_ros.motion.signals import Array
 # [rad] travel after which the state of friction that builds up over the longest distance, 0.03 rad,
 # no longer depends on its start
 _FORGOTTEN = 1.2
-
-
-@dataclass(frozen=True, eq=False)
-class DistinctMotion:
-    """Motion of one bag without repeated cycles, for the computation of regressor columns.
-
-    A motion of equal cycles has equal columns in all of them, except near its ends. Half an hour of
-    a periodic excitation has a hundred equal cycles or more.
-
-    Attributes
-    ----------
-    q, dq, ddq : (K, n) ndarray
-        Joint positions, velocities, accelerations [rad], [rad/s], [rad/s^2].
-    dq_fine, ddq_fine : (L, n) ndarray
-        Finely sampled velocities and accelerations [rad/s], [rad/s^2].
-    fine_filter, coarse_filter : SpectralFilter
-        Low-pass filters of the torque, for the length of this motion.
-    place : (M,) ndarray of int or None
-        Row in this motion of each sample of the whole motion; None if both are equal.
-    """
-
-    q: Array
-    dq: Array
-    ddq: Array
-    dq_fine: Array
-    ddq_fine: Array
-    fine_filter: SpectralFilter
-    coarse_filter: SpectralFilter
-    place: npt.NDArray[np.intp] | None
-
-    def whole(self, columns: Array) -> Array:
-        """Return columns (M, ...) for the whole motion from columns (K, ...) without repeats."""
-        return columns if self.place is None else columns[self.place]
 
 
 FOLDS = 5
@@ -147,8 +116,19 @@ class Samples:
         """Decimation factor from fine to coarse samples."""
         return self.fine_filter.decimation
 
-    def distinct(self) -> DistinctMotion:
-        """Return the motion without cycles that only repeat earlier cycles."""
+    def distinct(self) -> tuple['Samples', npt.NDArray[np.intp] | None]:
+        """Return the motion without cycles that only repeat earlier cycles.
+
+        A motion of equal cycles has equal regressor columns in all of them, except near its ends.
+        Half an hour of a periodic excitation has a hundred equal cycles or more.
+
+        Returns
+        -------
+        Samples
+            Motion of K samples.
+        (M,) ndarray of int or None
+            Row in this motion of each sample of the whole motion; None if both are equal.
+        """
         count, cycle = len(self.q), self.cycle
         fine, coarse = self.fine_filter, self.coarse_filter
         travel = np.abs(self.dq_fine[: cycle * self.step]).sum(axis=0).min() * fine.dt
@@ -160,25 +140,20 @@ class Samples:
                 kept = 2 * int(end) + 1
         left_out = count - kept * cycle
         if not left_out:
-            motion = (self.q, self.dq, self.ddq, self.dq_fine, self.ddq_fine)
-            return DistinctMotion(*motion, fine, coarse, None)
+            return self, None
         first = kept // 2 * cycle  # sample at which the middle cycle begins
         rows = np.delete(np.arange(count), slice(first, first + left_out))
         fine_rows = (rows[:, None] * self.step + np.arange(self.step)).ravel()
         place = np.arange(count)
         repeated = first + (place - first) % cycle
         place[first:] = np.maximum(place - left_out, repeated)[first:]
-        return DistinctMotion(
-            q=self.q[rows],
-            dq=self.dq[rows],
-            ddq=self.ddq[rows],
-            dq_fine=self.dq_fine[fine_rows],
-            ddq_fine=self.ddq_fine[fine_rows],
-            fine_filter=fine.for_count(len(fine_rows)),
-            coarse_filter=coarse.for_count(len(rows)),
-            place=place,
-        )
+        parts: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COARSE}
+        parts |= {name: getattr(self, name)[fine_rows] for name in ('dq_fine', 'ddq_fine')}
+        filters = fine.for_count(len(fine_rows)), coarse.for_count(len(rows))
+        return replace(self, **parts, fine_filter=filters[0], coarse_filter=filters[1]), place
 
+
+_COARSE = ('time', 'q', 'dq', 'ddq', 'tau_raw', 'tau', 'kept', 'measured', 'usable', 'block')
 
 SHORTEST = 3.0
 """Shortest motion for an identification [s]; a shorter motion hardly excites the parameters."""
@@ -322,11 +297,9 @@ def aperiodic_motion(
     window = slice(int(moving[0]), int(moving[-1]) + 1)
     duration = (window.stop - window.start) * motion.dt
     if duration < shortest:
-        what_for, better = (
-            ('excite all parameters', ' (better 20 s)')
-            if shortest == SHORTEST
-            else ('be filtered', '')
-        )
+        what_for, better = 'be filtered', ''
+        if shortest == SHORTEST:
+            what_for, better = 'excite all parameters', ' (better 20 s)'
         raise IdentificationError(
             f'{recording.name} contains only {duration:.2f} s of motion, too short to '
             f'{what_for}: record at least {shortest:.2g} s{better}'
@@ -351,27 +324,23 @@ def _resampled(
         len(time), dt, low_pass_gain(cutoff), factor, settling, MEMORY_PERIODS / cutoff
     )
 
-    def at(values: Array, delay: Array | None = None) -> Array:
-        behind = np.zeros(values.shape[1]) if delay is None else delay
-        columns = (
-            np.interp(time + d if d else time, recording.time, column)
-            for d, column in zip(behind, values.T, strict=True)
-        )
+    def at(instants: Array, values: Array, delay: Array) -> Iterator[Array]:
+        for d, column in zip(delay, values.T, strict=True):
+            yield np.interp(instants + d if d else instants, recording.time, column)
+
+    def filtered(values: Array, delay: Array) -> Array:
+        columns = at(time, values, delay)
         return np.column_stack([smooth(c) if factor > 1 else c for c in columns])
 
-    thinned = time[::factor]
-    raw = [
-        np.interp(thinned + d, recording.time, column)
-        for d, column in zip(late, recording.tau.T, strict=True)
-    ]
+    in_time, thinned = np.zeros_like(late), time[::factor]
     return UniformMotion(
         recording=recording,
         dt=dt * factor,
         time=thinned,
-        q=at(recording.q),
-        tau=at(recording.tau, late),
-        dq=None if recording.dq is None else at(recording.dq),
-        tau_raw=np.column_stack(raw),
+        q=filtered(recording.q, in_time),
+        tau=filtered(recording.tau, late),
+        dq=None if recording.dq is None else filtered(recording.dq, in_time),
+        tau_raw=np.column_stack(list(at(thinned, recording.tau, late))),
         factor=factor,
         window=window,
         period=period,

@@ -9,15 +9,18 @@ import numpy as np
 
 from aerarm_ros.description.config_reader import read_yaml
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.files.estimate_file import friction_torque, joint_terms
-from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
+from aerarm_ros.identification.files.estimate_file import (
+    friction_torque,
+    joint_terms,
+    ros_parameters,
+)
+from aerarm_ros.identification.joint_model import NOT_FRICTION, JointTerm, TermKind
 from aerarm_ros.motion.signals import Array
 
 _CLEAR = 3.0  # standard deviations
 _SHARES = (0.2, 0.6, 1.0)  # fraction of the speed that both motions reach
 _STILL = 1e-3  # [rad/s]
-_NOT_FRICTION = (TermKind.ROTOR, *COUPLED)
-_FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in _NOT_FRICTION)
+_FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in NOT_FRICTION)
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ def compare_estimates(old: Path, new: Path) -> EstimateComparison:
     IdentificationError
         If a file is not an estimate with standard deviations, or the arms differ.
     """
-    first, second = (_parameters(path) for path in (old, new))
+    first, second = map(ros_parameters, (old, new))
     if first['joint_names'] != second['joint_names']:
         raise IdentificationError(
             f'{old} has joints {", ".join(map(str, first["joint_names"]))}, {new} has '
@@ -108,18 +111,6 @@ def compare_estimates(old: Path, new: Path) -> EstimateComparison:
             'identifier; identify again if the files have an older format'
         ) from None
     return EstimateComparison(friction, inertia, unmatched)
-
-
-def _parameters(path: Path) -> Mapping[str, Any]:
-    try:
-        parameters = read_yaml(path)['/**']['ros__parameters']
-        if not isinstance(parameters['joint_names'], list):
-            raise TypeError
-    except (KeyError, TypeError):
-        raise IdentificationError(
-            f'{path} is not an estimate.yaml: pass the unchanged file of the identifier'
-        ) from None
-    return dict(parameters)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from aerarm_ros.description.config_reader import read_yaml, yaml_text
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.joint_model import COUPLED, JointModel, JointTerm, TermKind
+from aerarm_ros.identification.joint_model import NOT_FRICTION, JointModel, JointTerm, TermKind
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import Array
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
 
 _SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # fractions of a joint's top speed
-NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
+NO_FRICTION = (TermKind.OFFSET, *NOT_FRICTION)
 """Kinds of joint terms that are not friction."""
 
 
@@ -262,6 +263,26 @@ def payload_yaml(estimate: Estimate, payload: Payload) -> str:
     return _PAYLOAD_HEADER + yaml_text(document)
 
 
+def ros_parameters(path: Path) -> Mapping[str, Any]:
+    """Read the ROS parameters of an estimate.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read.
+    IdentificationError
+        If the file is not an estimate.
+    """
+    document = read_yaml(path)
+    with suppress(KeyError, TypeError, ValueError):
+        parameters = dict(document['/**']['ros__parameters'])
+        if isinstance(parameters['joint_names'], list):
+            return parameters
+    raise IdentificationError(
+        f'{path} is not an estimate.yaml: pass the unchanged file of the identifier'
+    )
+
+
 def read_estimate(path: Path, robot: Robot) -> Estimate:
     """Read an estimate from a file that contains the text of `estimate_yaml`.
 
@@ -277,32 +298,31 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
     IdentificationError
         If the file is not an estimate, or belongs to another arm.
     """
-    document = read_yaml(path)
+    parameters, n = ros_parameters(path), robot.n
+    names = tuple(parameters['joint_names'])
+    if names != robot.joint_names:
+        raise IdentificationError(
+            f'{path} has {len(names)} joints ({", ".join(map(str, names))}), but the URDF has '
+            f'{n} ({", ".join(robot.joint_names)}): pass the URDF of that arm, with its joints in '
+            'the same order (--urdf)'
+        )
     try:
-        parameters = document['/**']['ros__parameters']
-        names = tuple(parameters['joint_names'])
-        _check_joints(path, names, robot.joint_names)
-        inertial = np.array(parameters['inertial_parameters'], dtype=float).reshape(robot.n, 10)
-        own = joint_terms(parameters, robot.n)
-        coupled = _read_coupled(parameters.get('coupled_joints'), names)
-    except IdentificationError:
-        raise
+        inertial = np.array(parameters['inertial_parameters'], dtype=float).reshape(10 * n)
+        own = joint_terms(parameters, n)
+        if coupled := parameters.get('coupled_joints'):
+            columns = (coupled[key] for key in ('joints', 'drivers', 'kinds', 'values'))
+            for joint, driver, kind, value in zip(*columns, strict=True):
+                term = JointTerm(TermKind(kind), driver=names.index(driver))
+                own[names.index(joint)][term] = float(value)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise IdentificationError(
-            f'{path} is not an estimate.yaml of an arm with {robot.n} joints ({_fault(error)}): '
+            f'{path} is not an estimate.yaml of an arm with {n} joints ({_fault(error)}): '
             'pass the unchanged file of the identifier'
         ) from None
     _check_distances(path, names, own)
-    terms = [
-        (*values, *(term for owner, term in coupled if owner == joint))
-        for joint, values in enumerate(own)
-    ]
-    model = JointModel(robot.joint_names, robot.link_names, tuple(terms))
-    joints = [
-        own[joint][term] if term.driver is None else coupled[joint, term]
-        for joint, term in model.joint_columns
-    ]
-    theta = np.concatenate([inertial.ravel(), joints])
+    model = JointModel(robot.joint_names, robot.link_names, tuple(map(tuple, own)))
+    joints = [own[joint][term] for joint, term in model.joint_columns]
+    theta = np.concatenate([inertial, joints])
     if not np.isfinite(theta).all():
         raise IdentificationError(
             f'{path} contains numbers that are not finite: identify the arm again'
@@ -310,29 +330,38 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
     return Estimate(str(parameters.get('solver', '')), model, theta)
 
 
-def estimated_arm(path: Path) -> tuple[tuple[str, ...], Array]:
+def estimated_arm(path: Path, gravity: Array | None = None) -> tuple[tuple[str, ...], Array]:
     """Read the joint names and the gravity (3,) in the base frame [m/s^2] from an estimate.
+
+    Parameters
+    ----------
+    gravity : (3,) ndarray, optional
+        Gravity that is returned if the file contains none.
 
     Raises
     ------
     ConfigError
         If the file cannot be read.
     IdentificationError
-        If the file is not an estimate.
+        If the file is not an estimate, or its gravity is not three numbers.
     """
-    document = read_yaml(path)
+    parameters = ros_parameters(path)
     try:
-        parameters = document['/**']['ros__parameters']
-        gravity = np.array(parameters['gravity_in_base'], dtype=float).reshape(3)
-        return tuple(map(str, parameters['joint_names'])), gravity
-    except (KeyError, TypeError, ValueError):
+        used = np.array(parameters.get('gravity_in_base', gravity), dtype=float).reshape(3)
+    except (TypeError, ValueError):
+        used = np.full(3, np.nan)
+    if not np.isfinite(used).all():
         raise IdentificationError(
-            f'{path} is not an estimate: pass the estimate.yaml of the identifier'
-        ) from None
+            f'gravity_in_base of {path} is not three numbers: pass the unchanged file of the '
+            'identifier'
+        )
+    return tuple(map(str, parameters['joint_names'])), used
 
 
 def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, float]]:
     """Return the coefficients of each joint's torque terms; terms of coupled joints are omitted.
+
+    An entry that an older file lacks is zero for all joints.
 
     Parameters
     ----------
@@ -346,62 +375,28 @@ def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, f
     KeyError, TypeError, AttributeError, ValueError
         If the mapping is not an estimate of n joints.
     """
-    friction = parameters['friction']
-    values = {kind: _column(friction, parameters, kind, n) for kind in NAMES}
-    widths = {name: _numbers(friction.get(name), n) for name in WIDTHS}
-    distances = _numbers(friction.get('coulomb_distance'), n)
-    dry = WIDTHS['coulomb_width']
+    entries = {**parameters['friction'], 'rotor_inertia': parameters.get('rotor_inertia')}
+
+    def numbers(name: str) -> Array:
+        values = entries.get(name)
+        return np.zeros(n) if values is None else np.array(values, dtype=float).reshape(n)
+
+    columns = {kind: numbers(name) for kind, name in NAMES.items()}
+    widths = {kind: numbers(name) for name, kinds in WIDTHS.items() for kind in kinds}
+    distances = dict.fromkeys(WIDTHS['coulomb_width'], numbers('coulomb_distance'))
+    none = np.zeros(n)
     return [
         {
             JointTerm(
                 kind,
-                _width(widths, kind, joint),
-                distance=float(distances[joint]) if kind in dry else 0.0,
+                float(widths.get(kind, none)[joint]),
+                distance=float(distances.get(kind, none)[joint]),
             ): float(column[joint])
-            for kind, column in values.items()
+            for kind, column in columns.items()
             if column[joint] != 0.0
         }
         for joint in range(n)
     ]
-
-
-def read_gravity(path: Path, robot: Robot) -> Array:
-    """Return the identified gravity (3,) in the base frame [m/s^2].
-
-    Parameters
-    ----------
-    path : Path
-        Estimate file that `read_estimate` has accepted.
-    robot : Robot
-        Robot whose gravity is returned if the file contains none.
-
-    Raises
-    ------
-    IdentificationError
-        If gravity is not three numbers.
-    """
-    given = read_yaml(path)['/**']['ros__parameters'].get('gravity_in_base')
-    if given is None:
-        return robot.gravity_in_base
-    try:
-        gravity = np.array(given, dtype=float).reshape(3)
-    except (TypeError, ValueError):
-        gravity = np.full(3, np.nan)
-    if not np.isfinite(gravity).all():
-        raise IdentificationError(
-            f'gravity_in_base of {path} is not three numbers: pass the unchanged file of the '
-            'identifier'
-        )
-    return gravity
-
-
-def _check_joints(path: Path, names: tuple[str, ...], wanted: tuple[str, ...]) -> None:
-    if names != wanted:
-        raise IdentificationError(
-            f'{path} has {len(names)} joints ({", ".join(map(str, names))}), but the URDF has '
-            f'{len(wanted)} ({", ".join(wanted)}): pass the URDF of that arm, with its joints in '
-            'the same order (--urdf)'
-        )
 
 
 def _check_distances(path: Path, names: Sequence[str], own: Sequence[Iterable[JointTerm]]) -> None:
@@ -425,33 +420,3 @@ def _fault(error: Exception) -> str:
     if isinstance(error, ValueError):
         return 'a list has a wrong length, or contains something other than numbers'
     return 'the file lacks the keys of an estimate'
-
-
-def _column(
-    friction: Mapping[str, Any], parameters: Mapping[str, Any], kind: TermKind, n: int
-) -> Array:
-    source = parameters if kind is TermKind.ROTOR else friction
-    return _numbers(source.get(NAMES[kind]), n)
-
-
-def _read_coupled(
-    entries: Mapping[str, Any] | None, names: tuple[str, ...]
-) -> dict[tuple[int, JointTerm], float]:
-    """Return the coefficients of the terms of all coupled joints."""
-    if entries is None:
-        return {}
-    columns = [entries[key] for key in ('joints', 'drivers', 'kinds', 'values')]
-    return {
-        (names.index(joint), JointTerm(TermKind(kind), driver=names.index(driver))): float(value)
-        for joint, driver, kind, value in zip(*columns, strict=True)
-    }
-
-
-def _numbers(values: Any, n: int) -> Array:
-    """Return the n numbers of a file entry; zeros if the file is older and lacks the entry."""
-    return np.zeros(n) if values is None else np.array(values, dtype=float).reshape(n)
-
-
-def _width(widths: Mapping[str, Array], kind: TermKind, joint: int) -> float:
-    owner = next((name for name, kinds in WIDTHS.items() if kind in kinds), None)
-    return 0.0 if owner is None else float(widths[owner][joint])

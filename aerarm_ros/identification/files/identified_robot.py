@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg import eigh
+from scipy.optimize import nnls
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.description.urdf_document import (
@@ -91,15 +92,8 @@ def unwritten(estimate: Estimate) -> tuple[str, ...]:
 
 
 def _nearest(dq: Array, torque: Array) -> tuple[float, float]:
-    columns = np.column_stack([dq, np.sign(dq)])
-    both, *_ = np.linalg.lstsq(columns, torque, rcond=None)
-    if both.min() >= 0.0:
-        return float(both[0]), float(both[1])
-    # If the constraint is active, one coefficient is zero and the other coefficient is fitted
-    # alone.
-    alone = [float(max(c @ torque / max(c @ c, 1e-300), 0.0)) for c in columns.T]
-    left = [np.linalg.norm(torque - c * a) for c, a in zip(columns.T, alone, strict=True)]
-    return (alone[0], 0.0) if left[0] < left[1] else (0.0, alone[1])
+    (viscous, coulomb), _ = nnls(np.column_stack([dq, np.sign(dq)]), torque)
+    return float(viscous), float(coulomb)
 
 
 INERTIA_ENTRIES = {
@@ -249,10 +243,15 @@ def identified_urdf(
     links = {link.get('name'): link for link in root.findall('link')}
     joints = {joint.get('name'): joint for joint in root.findall('joint')}
     warnings = []
+    full = pin.buildModelFromXML(text)
+    bodies = [frame for frame in full.frames if frame.type == pin.FrameType.BODY]
+    carriers = [_moving_ancestor(full, joint, robot.joint_names) for joint in range(full.njoints)]
     for index, name in enumerate(robot.link_names):
-        fixed = _behind_fixed_joints(root, name)
-        held = _held_by_locked_joints(robot, root, [name, *fixed])
-        kept = _inertia_held(robot, index) if held else np.zeros(10)
+        number = full.getJointId(robot.joint_names[index])
+        locked = [joint for joint, own in enumerate(carriers) if own == number != joint]
+        fixed = [body.name for body in bodies if body.parentJoint == number and body.name != name]
+        held = [body.name for body in bodies if body.parentJoint in locked]
+        kept = _inertia_held(full, number, locked)
         share = _possible_share(inertial[index], kept)
         if share < 1.0:
             warnings += _scaled(links, held, share, name)
@@ -263,12 +262,15 @@ def identified_urdf(
                 'inertial parameters); do not simulate or control with this file'
             )
         for other in fixed:
-            _remove_inertial(links[other])
+            for inertial_element in links[other].findall('inertial'):
+                links[other].remove(inertial_element)
         _set_inertial(links[name], own)
-        joint = joints[robot.joint_names[index]]
-        _set_dynamics(joint, viscous[index], coulomb[index])
+        values = {'damping': viscous[index], 'friction': coulomb[index]}
         if load is not None and load.share[index]:
-            _set_load_friction(joint, load, index)
+            values[LOAD_FRICTION] = load.share[index]
+            values[DAMPING_BESIDE_LOAD] = load.viscous[index]
+            values[FRICTION_BESIDE_LOAD] = load.coulomb[index]
+        _set_dynamics(joints[robot.joint_names[index]], values)
     # The serializer adds a blank before '/>', which would make every line differ from the
     # original file.
     written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
@@ -285,50 +287,13 @@ def before_root(text: str) -> str:
     return encoded[: starts[0]].decode()
 
 
-def _children(root: ET.Element, parents: list[str], fixed: bool) -> list[tuple[str, str]]:
-    """Return fixed (or moving) joints whose parent is in `parents`, with their child links."""
-    found = []
-    for joint in root.findall('joint'):
-        parent, child = joint.find('parent'), joint.find('child')
-        assert parent is not None and child is not None
-        if parent.get('link') in parents and (joint.get('type') == 'fixed') == fixed:
-            found.append((joint.get('name', ''), child.get('link', '')))
-    return found
-
-
-def _behind_fixed_joints(root: ET.Element, link: str) -> list[str]:
-    found: list[str] = []
-    front = [link]
-    while front:
-        front = [child for _, child in _children(root, front, fixed=True)]
-        found += front
-    return found
-
-
-def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str]) -> list[str]:
-    """Return the links behind the locked joints of given links."""
-    found: list[str] = []
-    front = links
-    while front:
-        children = _children(root, front, fixed=False)
-        behind = [child for joint, child in children if joint not in robot.joint_names]
-        front = [link for child in behind for link in (child, *_behind_fixed_joints(root, child))]
-        found += front
-    return found
-
-
-def _inertia_held(robot: Robot, index: int) -> Array:
+def _inertia_held(full: Any, carrier: int, locked: Sequence[int]) -> Array:
     """Return the total inertial parameters of bodies behind locked joints, in the link's frame."""
-    full = pin.buildModelFromXML(robot.urdf_text)
     data = full.createData()
-    posture = pin.neutral(full)
-    posture = np.clip(posture, full.lowerPositionLimit, full.upperPositionLimit)
+    posture = np.clip(pin.neutral(full), full.lowerPositionLimit, full.upperPositionLimit)
     pin.forwardKinematics(full, data, posture)
-    carrier = full.getJointId(robot.joint_names[index])
     total = np.zeros(10)
-    for body in range(1, full.njoints):
-        if body == carrier or _moving_ancestor(full, body, robot.joint_names) != carrier:
-            continue
+    for body in locked:
         placed = data.oMi[carrier].actInv(data.oMi[body]).act(full.inertias[body])
         total += placed.toDynamicParameters()
     return total
@@ -396,28 +361,14 @@ def _set_inertial(link: ET.Element, pi: Array) -> None:
             element.set(key, value)
 
 
-def _remove_inertial(link: ET.Element) -> None:
-    inertial = link.find('inertial')
-    if inertial is not None:
-        link.remove(inertial)
-
-
-def _set_dynamics(joint: ET.Element, damping: float, friction: float) -> None:
+def _set_dynamics(joint: ET.Element, values: Mapping[str, float]) -> None:
     dynamics = joint.find('dynamics')
     if dynamics is None:
         dynamics = ET.SubElement(joint, 'dynamics')
-    dynamics.set('damping', repr(float(damping)))
-    dynamics.set('friction', repr(float(friction)))
     for key in (LOAD_FRICTION, DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD):
         dynamics.attrib.pop(key, None)  # entry of the original URDF
-
-
-def _set_load_friction(joint: ET.Element, load: LoadFriction, index: int) -> None:
-    dynamics = joint.find('dynamics')
-    assert dynamics is not None
-    dynamics.set(LOAD_FRICTION, repr(float(load.share[index])))
-    dynamics.set(DAMPING_BESIDE_LOAD, repr(float(load.viscous[index])))
-    dynamics.set(FRICTION_BESIDE_LOAD, repr(float(load.coulomb[index])))
+    for key, value in values.items():
+        dynamics.set(key, repr(float(value)))
 
 
 def identified_mjcf(

@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import TracebackType
 
@@ -53,7 +53,7 @@ class ResultDirectory:
 
     def __enter__(self) -> 'ResultDirectory':
         parent = self.target.parent
-        try:
+        with self._writable('permissions, or name another folder with ' + self._option):
             if self.target.is_dir() and any(self.target.iterdir()):
                 self._check_earlier()
                 self.replaced = True
@@ -65,16 +65,20 @@ class ResultDirectory:
             prefix = f'.{self.target.name}.'
             self._collected = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
             self._collected.chmod(0o755)
-        except OSError as error:
-            self._remove()
-            raise IdentificationError(
-                f'{self.target} cannot be written ({error.strerror or error}): check the '
-                f'permissions, or name another folder with {self._option}'
-            ) from None
-        except KeyboardInterrupt:
-            self._remove()
-            raise
         return self
+
+    @contextlib.contextmanager
+    def _writable(self, advice: str) -> Iterator[None]:
+        """Remove the collected files after an exception; convert an OSError."""
+        try:
+            yield
+        except BaseException as error:
+            self._remove()
+            if not isinstance(error, OSError):
+                raise
+            raise IdentificationError(
+                f'{self.target} cannot be written ({error.strerror or error}): check the {advice}'
+            ) from None
 
     def _check_earlier(self) -> None:
         names = sorted(entry.name for entry in self.target.iterdir())
@@ -121,14 +125,8 @@ class ResultDirectory:
         if kind is not None:
             self._remove()
         elif self._collected is not None:
-            try:
+            with self._writable('free space and permissions'):
                 self._move_into_place(self._collected)
-            except OSError as failure:
-                self._remove()
-                raise IdentificationError(
-                    f'{self.target} cannot be written ({failure.strerror or failure}): '
-                    'check the free space and permissions'
-                ) from None
 
     def _make_parents(self, parent: Path) -> None:
         """Create missing folders, and record their names for removal after a failure."""

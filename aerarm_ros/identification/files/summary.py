@@ -19,6 +19,7 @@ from aerarm_ros.identification.joint_model import (
     JointTerm,
     TermKind,
 )
+from aerarm_ros.identification.model_choice.filter_choice import GravityDirection
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
 from aerarm_ros.identification.regression.regression import SampleColumns
@@ -63,21 +64,19 @@ def export_errors(result: IdentificationResult) -> list[ExportError]:
     none = np.zeros_like(rotors)
     with_rotors = _simple(estimate, *friction, rotors)
     without = _simple(estimate, *friction, none)
-    found = (
-        ('estimate.yaml', 'whole model (load_identified)', estimate, bags),
-        ('identified.xml', 'MuJoCo: links, rotors, friction (2.6)', with_rotors, bags),
-        ('identified.urdf', 'Pinocchio and others: links, friction (2.6)', without, level),
-        ('identified.sdf', 'Drake: links, rotors, friction (2.6)', with_rotors, level),
-        ('identified.sdf', 'Gazebo and others: links, friction (2.6)', without, level),
-    )
-    known: dict[tuple[int, int], tuple[float, ...]] = {}
-    for _, _, model, columns in found:
-        if (id(model), id(columns)) not in known:
-            errors = tuple(bag.filtered for bag in assess(model, columns))
-            known[id(model), id(columns)] = errors
+
+    def errors(model: Estimate, columns: Sequence[SampleColumns]) -> tuple[float, ...]:
+        return tuple(bag.filtered for bag in assess(model, columns))
+
+    mujoco, others = errors(with_rotors, bags), errors(without, level)
+    drake = mujoco if level is bags else errors(with_rotors, level)
+    urdf, sdf, links = 'identified.urdf', 'identified.sdf', 'links, friction (2.6)'
     return [
-        ExportError(file, contents, known[id(model), id(columns)])
-        for file, contents, model, columns in found
+        ExportError('estimate.yaml', 'whole model (load_identified)', errors(estimate, bags)),
+        ExportError('identified.xml', 'MuJoCo: links, rotors, friction (2.6)', mujoco),
+        ExportError(urdf, f'Pinocchio and others: {links}', others),
+        ExportError(sdf, 'Drake: links, rotors, friction (2.6)', drake),
+        ExportError(sdf, f'Gazebo and others: {links}', others),
     ]
 
 
@@ -154,9 +153,20 @@ def summarise(
         'warnings': list(result.warnings),
     }
     if payload is not None:
-        summary['payload'] = _payload(payload)
+        summary['payload'] = {
+            **_entry(payload, 'link', 'mass', 'centre', 'centre_std'),
+            'mass_std': float(payload.std[0]),
+            'inertial_parameters': payload.inertial.tolist(),
+            'inertial_parameters_std': payload.std.tolist(),
+        }
     if truth:
-        summary['inertial_torque_error'] = [_truth(error) for error in truth]
+        summary['inertial_torque_error'] = [
+            {
+                **_entry(error, 'solver', 'bag', 'total', 'per_joint'),
+                'total_against_true_torque': error.total_absolute,
+            }
+            for error in truth
+        ]
     return summary
 
 
@@ -180,11 +190,9 @@ def _demand(demand: BagDemand) -> dict[str, Any]:
 
 
 def _conditioning(result: IdentificationResult) -> dict[str, Any]:
-    conditioner, choice = result.conditioner, result.filter_choice
+    choice = result.filter_choice
     return {
-        'cutoff': conditioner.cutoff,
-        'fundamental': conditioner.fundamental,
-        'harmonics': conditioner.harmonics,
+        **_entry(result.conditioner, 'cutoff', 'fundamental', 'harmonics'),
         'kinematics': choice.kinematics.label,
         'trials': [
             {'cutoff': trial.cutoff, 'kinematics': trial.kinematics.label, 'error': trial.error}
@@ -194,68 +202,33 @@ def _conditioning(result: IdentificationResult) -> dict[str, Any]:
 
 
 def _gravity(result: IdentificationResult) -> dict[str, Any]:
-    found = result.gravity
     used = result.robot.gravity_in_base
-    return {
-        'stated': (used if found is None else found.stated).tolist(),
-        'used': used.tolist(),
-        'tilt': 0.0 if found is None else found.tilt,
-    }
+    return _entry(result.gravity or GravityDirection(used, used), 'stated', 'used', 'tilt')
 
 
 def _delays(result: IdentificationResult) -> dict[str, Any]:
-    used, found = result.conditioner.delays, result.delay
+    found = result.delay
     return {
-        'velocity': used.velocity.tolist(),
+        **_entry(result.conditioner.delays, 'velocity', 'effort'),
         'velocity_used': result.filter_choice.kinematics.in_time,
-        'effort': used.effort.tolist(),
         'effort_found': None if found is None else found.found.tolist(),
         'effort_deviation': None if found is None else found.deviation.tolist(),
     }
 
 
-def _payload(payload: Payload) -> dict[str, Any]:
-    return {
-        'link': payload.link,
-        'mass': payload.mass,
-        'mass_std': float(payload.std[0]),
-        'centre': payload.centre.tolist(),
-        'centre_std': payload.centre_std.tolist(),
-        'inertial_parameters': payload.inertial.tolist(),
-        'inertial_parameters_std': payload.std.tolist(),
-    }
-
-
-def _truth(error: InertialTorqueError) -> dict[str, Any]:
-    return {
-        'solver': error.solver,
-        'bag': error.bag,
-        'total': error.total,
-        'per_joint': error.per_joint.tolist(),
-        'total_against_true_torque': error.total_absolute,
-    }
-
-
 def _regressor(base: BaseParameters) -> dict[str, Any]:
-    condition = base.condition_number
-    return {
-        'columns': len(base.columns),
-        'rank': base.rank,
-        'condition_number': condition if math.isfinite(condition) else None,
-    }
+    return {'columns': len(base.columns), **_entry(base, 'rank', 'condition_number')}
 
 
 def _solver(solution: Solution) -> dict[str, Any]:
-    estimate = solution.estimate
     return {
         'identification': [_entry(bag, *_BAG) for bag in solution.identification],
         'validation': [_entry(bag, *_BAG) for bag in solution.validation],
-        'physically_consistent': estimate.physically_consistent,
-        'min_pseudo_inertia_eigenvalue': estimate.min_pseudo_inertia_eigenvalue,
-        'seconds': estimate.seconds,
+        **_entry(solution.estimate, *_ESTIMATE),
     }
 
 
+_ESTIMATE = ('physically_consistent', 'min_pseudo_inertia_eigenvalue', 'seconds')
 _SPLIT = ('bag', 'rms', 'fractions', 'unexplained', 'above_cutoff')
 _ROLLOUT = ('bag', 'solver', 'seconds', 'windows', 'total', 'per_joint')
 _ERRORS = ('filtered', 'filtered_measured', 'raw')

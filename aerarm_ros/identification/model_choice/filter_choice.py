@@ -10,11 +10,10 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.spectral_filter import SETTLING_PERIODS, SpectralFilter
-from aerarm_ros.identification.conditioning.uniform_motion import BLOCKS, KinematicsFilter, Samples
+from aerarm_ros.identification.conditioning.uniform_motion import KinematicsFilter, Samples
 from aerarm_ros.identification.joint_model import JointTerm, TermKind
 from aerarm_ros.identification.model_choice.simple_fit import (
     SIMPLE_TERMS,
-    SharedColumns,
     SimpleFit,
     block_sums,
     standard_errors,
@@ -86,20 +85,22 @@ def find_effort_delay(
     """
     n = bags[0].samples.n
     links = SimpleFit(bags, cad).theta[: 10 * n]
-    plain = SimpleFit(bags, cad, (), _TERMS, links)
+    plain = SimpleFit(bags, cad, (), _SPREAD, _TERMS, links)
     judged = list(bags if in_time is None else in_time)
-    fit = plain if in_time is None else SimpleFit(judged, cad, (), _TERMS, links)
+    fit = plain if in_time is None else SimpleFit(judged, cad, (), _SPREAD, _TERMS, links)
     moved = judged
     found = np.zeros(n)
     for _ in range(_ROUNDS):
-        columns = [_columns(bag, rate) for bag, rate in zip(moved, fit.rates(), strict=True)]
-        fit = SimpleFit(moved, cad, columns, _TERMS, links)
+        # the derivative of filtered torque by the effort delay, one column per joint
+        columns = [-rate[:, :, None] * np.eye(n) for rate in fit.rates()]
+        fit = SimpleFit(moved, cad, columns, _SPREAD, _TERMS, links)
         step = fit.theta[10 * n : 11 * n]
         found = found + step
         if np.abs(step).max() < _SETTLED or np.abs(found).max() > _LARGEST_ESTIMATE:
             break
         moved = [_advanced(bag, found) for bag in judged]
-    gain = _squares(bags, plain.residuals()) - _squares(judged, fit.residuals())
+    blocks = [bag.samples.block for bag in bags]
+    gain = block_sums(blocks, plain.residuals()) - block_sums(blocks, fit.residuals())
     clear = np.array([standard_errors(of_joint) for of_joint in gain.T]) > _CLEAR
     deviation = fit.deviations()[10 * n : 11 * n]
     size = np.abs(found)
@@ -108,15 +109,6 @@ def find_effort_delay(
         return EffortDelay(found, np.where(accepted, found, 0.0), deviation)
     together = bool(accepted.any()) and standard_errors(gain.sum(axis=1)) > _CLEAR
     return EffortDelay(found, np.where(accepted & together, found, 0.0), deviation, together)
-
-
-def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:
-    """Return the derivative of filtered torque by the effort delay, one column per joint."""
-    n = bag.samples.n
-    columns = np.zeros((*rate.shape, n))
-    joints = np.arange(n)
-    columns[:, joints, joints] = -rate
-    return SharedColumns(columns, np.full(n, _SPREAD))
 
 
 def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
@@ -128,21 +120,12 @@ def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
         SpectralFilter(len(tau), dt, _lead(float(d)), settling=settling)(tau)
         for tau, d in zip(samples.tau.T, delay, strict=True)
     ]
-    return bag.with_samples(replace(samples, tau=np.column_stack(moved)))
+    return bag.altered(samples=replace(samples, tau=np.column_stack(moved)))
 
 
 def _lead(seconds: float) -> Callable[[Array], npt.NDArray[np.complex128]]:
     """Return the filter gain that shifts a signal to earlier times by `seconds`."""
     return lambda frequency: np.asarray(np.exp(2j * np.pi * frequency * seconds))
-
-
-def _squares(bags: Sequence[SampleColumns], residuals: Sequence[Array]) -> Array:
-    """Return the (B, n) sums of squared residuals per block and joint."""
-    sums = []
-    for bag, residual in zip(bags, residuals, strict=True):
-        squares = np.nan_to_num(residual) ** 2
-        sums.append([np.bincount(bag.samples.block, s, BLOCKS) for s in squares.T])
-    return np.concatenate(np.swapaxes(np.array(sums), 1, 2))
 
 
 _TILT_SPREAD = 0.02  # [rad] prior standard deviation of the base tilt
@@ -203,10 +186,10 @@ def find_gravity(
     links = cad.inertial.ravel()
     for _ in range(_TILT_ROUNDS):
         shared = [_tilt_columns(robot, bag, axes, links) for bag in bags]
-        tilted = SimpleFit(bags, cad, shared)
+        tilted = SimpleFit(bags, cad, shared, _TILT_SPREAD)
         links, angles = np.split(tilted.theta[: 10 * robot.n + 2], [10 * robot.n])
     blocks = [bag.samples.block for bag in bags]
-    before, after = (block_sums(blocks, fit.residuals()) for fit in (plain, tilted))
+    before, after = (block_sums(blocks, fit.residuals()).sum(axis=1) for fit in (plain, tilted))
     error = float(after.sum() / before.sum()) if before.sum() > 0.0 else 1.0
     if error > 1.0 - _LEAST_GAIN or 2 * np.sum(after < before) <= len(before):
         return GravityDirection(stated, stated, error)
@@ -217,7 +200,7 @@ def find_gravity(
 _BLOCK = 4096  # samples
 
 
-def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -> SharedColumns:
+def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -> Array:
     """Return the derivative of filtered torque by the base tilt about each axis [Nm/rad]."""
     motion = bag.motion
     parts = np.empty((*motion.q.shape, len(axes)))
@@ -228,8 +211,7 @@ def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -
             q = motion.q[first : first + _BLOCK]
             rest = np.zeros_like(q)
             parts[first : first + _BLOCK, :, k] = turned.stack_rigid(q, rest, rest) @ links
-    columns = motion.whole(motion.coarse_filter(parts))
-    return SharedColumns(columns, np.full(len(axes), _TILT_SPREAD))
+    return bag.whole(motion.coarse_filter(parts))
 
 
 _BY_CHANCE = 2.0  # standard errors by which the best of several filters may be better by chance
@@ -330,7 +312,10 @@ def choose_filter(
     trials = _Trials(regressor, conditioner, recordings)
     rule = conditioner.cutoff
     family = trials.best_at(rule)
-    trials.walk(conditioner.cutoffs, family)
+    # All lower cut-offs are tried, because the errors have local minima if noise misleads the rule.
+    for cutoff in conditioner.cutoffs:
+        if cutoff < rule:
+            trials.run(cutoff, family)
     cutoff = trials.nearest(rule)
     kinematics = family if cutoff == rule else trials.best_at(cutoff)
     chosen = conditioner.at(cutoff)
@@ -360,20 +345,17 @@ class _Trials:
         self._excerpts = [excerpt(recording) for recording in recordings]
         self._measured = all(recording.dq is not None for recording in recordings)
         self._cad = ArmParameters.stated(regressor.robot, None)
-        self._outcomes: dict[KinematicsFilter, _Outcome] = {}
+        self._residuals: dict[KinematicsFilter, list[Array]] = {}
+        self._samples: list[Samples] = []  # of one trial; all have the same times and torques
 
     def run(self, cutoff: float, like: KinematicsFilter) -> None:
         """Try a cut-off [Hz] with a kinematics filter of the same type as `like`."""
         conditioner = self._conditioner.at(cutoff)
         kinematics = conditioner.adapted(like)
-        if kinematics not in self._outcomes:
-            samples = [conditioner.trial(excerpt, kinematics) for excerpt in self._excerpts]
-            bags = [SampleColumns(own, self._regressor) for own in samples]
-            self._outcomes[kinematics] = _Outcome(
-                [own.block for own in samples],
-                [own.tau_raw for own in samples],
-                SimpleFit(bags, self._cad).raw_residuals(),
-            )
+        if kinematics not in self._residuals:
+            self._samples = [conditioner.trial(excerpt, kinematics) for excerpt in self._excerpts]
+            bags = [SampleColumns(own, self._regressor) for own in self._samples]
+            self._residuals[kinematics] = SimpleFit(bags, self._cad).raw_residuals()
 
     def best_at(self, cutoff: float) -> KinematicsFilter:
         """Try the kinematics filters at one cut-off, and return the best.
@@ -399,15 +381,6 @@ class _Trials:
         errors = self._squared_errors()
         return min(candidates, key=lambda kinematics: float(errors[kinematics].sum()))
 
-    def walk(self, cutoffs: Sequence[float], start: KinematicsFilter) -> None:
-        """Try all cut-offs below the cut-off of the filter `start`, with filters of the same type.
-
-        All are tried, because the errors have local minima if noise misleads the rule.
-        """
-        for cutoff in cutoffs:
-            if cutoff < start.cutoff:
-                self.run(cutoff, start)
-
     def nearest(self, rule: float) -> float:
         """Return the cut-off nearest to `rule`, among those as good as the best cut-off.
 
@@ -427,8 +400,7 @@ class _Trials:
     @property
     def tried(self) -> list[FilterTrial]:
         """All tried filters with their torque errors."""
-        any_of_them = next(iter(self._outcomes.values()))
-        torque = block_sums(any_of_them.blocks, any_of_them.torques, self._common()).sum()
+        torque = self._sums([samples.tau_raw for samples in self._samples]).sum()
         return [
             FilterTrial(k.cutoff, k, 100.0 * float(np.sqrt(own.sum() / max(torque, 1e-12))))
             for k, own in self._squared_errors().items()
@@ -436,24 +408,14 @@ class _Trials:
 
     def _squared_errors(self) -> dict[KinematicsFilter, Array]:
         """Return squared errors per trial and block, over the samples that all trials have."""
-        common = self._common()
-        return {
-            kinematics: block_sums(outcome.blocks, outcome.residuals, common)
-            for kinematics, outcome in self._outcomes.items()
-        }
+        return {kinematics: self._sums(own) for kinematics, own in self._residuals.items()}
 
-    def _common(self) -> list[npt.NDArray[np.bool_]]:
-        known = [[np.isfinite(own) for own in o.residuals] for o in self._outcomes.values()]
-        return [np.logical_and.reduce(of_bag) for of_bag in zip(*known, strict=True)]
-
-
-@dataclass(frozen=True, eq=False)
-class _Outcome:
-    """Result of a trial: block numbers (M,), recorded torque and residual (M, n) of each bag."""
-
-    blocks: list[npt.NDArray[np.intp]]
-    torques: list[Array]
-    residuals: list[Array]
+    def _sums(self, torques: Sequence[Array]) -> Array:
+        """Return the squares of torques per block, over the samples that all trials have."""
+        known = zip(*self._residuals.values(), strict=True)
+        common = [np.logical_and.reduce([np.isfinite(own) for own in of_bag]) for of_bag in known]
+        sums = block_sums([own.block for own in self._samples], torques, common)
+        return np.asarray(sums.sum(axis=1))
 
 
 def excerpt(recording: Recording) -> Recording:

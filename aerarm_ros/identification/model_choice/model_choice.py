@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters, CoupledJoints, coupled_terms
-from aerarm_ros.identification.conditioning.uniform_motion import FOLDS
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.joint_model import (
     ROTOR,
@@ -67,8 +66,8 @@ class CrossValidation:
         count = len(link_mean)
         rows = [
             [
-                _in_prior_units(bank.factor(joint, fold), link_mean, link_std, weights[joint])
-                for fold in range(FOLDS)
+                _in_prior_units(factor, link_mean, link_std, weights[joint])
+                for factor in bank.factors[joint]
             ]
             for joint in range(bank.n)
         ]

@@ -1,7 +1,6 @@
 """Fit of a simple torque model, with residuals on held-out parts of the motion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +18,7 @@ def block_sums(
     residuals: Sequence[Array],
     counted: Sequence[npt.NDArray[np.bool_]] | None = None,
 ) -> Array:
-    """Return the squared residuals of each block of each bag, summed over the joints.
+    """Return the squared residuals (B, n) of each block of each bag, for each joint.
 
     Parameters
     ----------
@@ -33,8 +32,8 @@ def block_sums(
     sums = []
     for index, (block, residual) in enumerate(zip(blocks, residuals, strict=True)):
         counts = np.isfinite(residual) if counted is None else counted[index]
-        squares = (np.where(counts, residual, 0.0) ** 2).sum(axis=1)
-        sums.append(np.bincount(block, squares, BLOCKS))
+        squares = np.where(counts, residual, 0.0) ** 2
+        sums += [np.column_stack([np.bincount(block, own, BLOCKS) for own in squares.T])]
     return np.concatenate(sums)
 
 
@@ -58,22 +57,6 @@ _NOISE = 0.03
 _CORRELATION = 20.0
 
 
-@dataclass(frozen=True, eq=False)
-class SharedColumns:
-    """Additional regressor columns of one bag; all joints share their coefficients.
-
-    Attributes
-    ----------
-    filtered : (M, n, k) ndarray
-        Torque per unit of each coefficient, low-pass filtered like the measured torque.
-    spread : (k,) ndarray
-        Prior standard deviations of the coefficients about 0.
-    """
-
-    filtered: Array
-    spread: Array
-
-
 class SimpleFit:
     """Fits of links, friction as in thesis (2.6), rotors and offsets; each fit omits one part.
 
@@ -81,8 +64,11 @@ class SimpleFit:
     ----------
     cad : ArmParameters
         CAD parameters, used as a prior for parameters that the motion does not determine.
-    shared : sequence of SharedColumns
-        Additional columns of each bag; empty for none.
+    shared : sequence of (M, n, k) arrays
+        Additional columns of each bag, low-pass filtered like the measured torque; all joints
+        share their coefficients. Empty for none.
+    spread : float
+        Prior standard deviation of these coefficients about 0.
     terms : sequence of JointTerm
         Terms of every joint.
     inertial : (10 n,) ndarray, optional
@@ -98,25 +84,26 @@ class SimpleFit:
         self,
         bags: Sequence[SampleColumns],
         cad: ArmParameters,
-        shared: Sequence[SharedColumns] = (),
+        shared: Sequence[Array] = (),
+        spread: float = 1.0,
         terms: Sequence[JointTerm] = SIMPLE_TERMS,
         inertial: Array | None = None,
     ) -> None:
         self._bags = bags
         self._terms, self._inertial = tuple(terms), inertial
-        self._shared = [own.filtered for own in shared] or [bag.rigid[..., :0] for bag in bags]
-        more = shared[0].spread if shared else np.zeros(0)
+        self._shared = list(shared) or [bag.rigid[..., :0] for bag in bags]
+        more = np.full(self._shared[0].shape[2], spread)
         mean = np.concatenate([cad.inertial.ravel(), np.zeros(len(more))])
         self._common = len(mean)
-        gram, right, spread = self._normal_equations()
-        spread[: self._common] = [*LINK_SPREAD * cad.inertial_scale().ravel(), *more]
-        mean = np.concatenate([mean, np.zeros(len(spread) - len(mean))])
+        gram, right, scale = self._normal_equations()
+        scale[: self._common] = [*LINK_SPREAD * cad.inertial_scale().ravel(), *more]
+        mean = np.concatenate([mean, np.zeros(len(scale) - len(mean))])
         # The last matrix contains all parts; each other matrix lacks one part.
         gram = np.concatenate([gram.sum(axis=0) - gram, gram.sum(axis=0, keepdims=True)])
         right = np.concatenate([right.sum(axis=0) - right, right.sum(axis=0, keepdims=True)])
-        system = gram * np.outer(spread, spread) + np.eye(len(spread))
-        wanted = spread * (right - gram @ mean)
-        solved = mean + spread * np.linalg.solve(system, wanted[..., None])[..., 0]
+        system = gram * np.outer(scale, scale) + np.eye(len(scale))
+        wanted = scale * (right - gram @ mean)
+        solved = mean + scale * np.linalg.solve(system, wanted[..., None])[..., 0]
         self._parts, self.theta = solved[:-1], solved[-1]
 
     def deviations(self) -> Array:

@@ -5,18 +5,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, MotorRun
+from aerarm_ros.identification.motor_bench.motor_friction import (
+    RATE,
+    MotorFriction,
+    MotorRun,
+    moving_rows,
+)
 from aerarm_ros.motion.signals import Array
 
 LARGEST = 0.1  # [rad] largest backlash that is searched
-_RATE = 1000.0  # [Hz] sampling rate of the uniform time grid
 _CUTOFF = 25.0  # [Hz] low-pass filter of torques, because the torque of impacts is not modelled
 # [Hz] low-pass filter of the motor's velocity, whose quantization would excite the link
 _SMOOTH = 50.0
 _ORDER = 3
 _EDGE = 0.1  # [s] excluded at both ends, where the filter has samples on one side only
-_STICKING = 0.1  # fraction of the top speed [-], below which friction is undetermined
-_SHORTEST = 0.5  # [s] shortest usable recording
 _BACKLASHES, _SCALES, _ROUNDS = 41, 9, 3
 _WIDTH = 4.0  # [standard deviations] range on both sides that the next round covers
 _SHARP = 2.0  # [grid steps] least standard deviation
@@ -59,11 +61,10 @@ def fit_backlash(
     IdentificationError
         If the recordings are too short.
     """
-    recorded = [run for run in runs if len(run.time)]
-    swings = [_Swing(run) for run in recorded if run.time[-1] - run.time[0] >= _SHORTEST]
+    swings = [_Swing(run) for run in runs if run.is_long_enough()]
     if not swings:
         raise IdentificationError(
-            f'{name}: the oscillations are shorter than {_SHORTEST} s; measure more oscillations'
+            f'{name}: the oscillations are shorter than 0.5 s; measure more oscillations'
         )
     backlashes = np.linspace(0.0, 1.0, _BACKLASHES) ** 2 * LARGEST
     spread = 2.0 * links[1] / links[0]
@@ -103,21 +104,17 @@ class _Swing:
         # Local import, because scipy.signal takes longer to import than the rest of this module.
         from scipy.signal import butter, sosfiltfilt
 
-        time = np.arange(run.time[0], run.time[-1], 1.0 / _RATE)
-        sections = [butter(_ORDER, f, fs=_RATE, output='sos') for f in (_CUTOFF, _SMOOTH)]
+        self.q, tau = run.uniform()
+        sections = [butter(_ORDER, f, fs=RATE, output='sos') for f in (_CUTOFF, _SMOOTH)]
         self._sections = sections[0]
-        self.q = np.interp(time, run.time, run.q)
-        self.dq = np.gradient(sosfiltfilt(sections[1], self.q)) * _RATE
-        self.ddq = np.gradient(self.dq) * _RATE
-        self.tau = self.filtered(np.interp(time, run.time, run.tau))
+        self.dq = np.gradient(sosfiltfilt(sections[1], self.q)) * RATE
+        self.ddq = np.gradient(self.dq) * RATE
+        self.tau = self.filtered(tau)
         self.way = self.filtered(np.sign(self.dq))
-        columns = (acceleration(self.filtered(self.q)), self.dq, self.way, np.ones(len(time)))
+        columns = (acceleration(self.filtered(self.q)), self.dq, self.way, np.ones(len(tau)))
         self.columns = np.column_stack(columns)
-        slow = np.abs(self.dq) < _STICKING * np.abs(self.dq).max()
-        edge = round(_EDGE * _RATE)
-        free = np.convolve(slow, np.ones(2 * round(0.5 * _RATE / _CUTOFF) + 1), 'same') == 0.0
-        free[:edge] = free[-edge:] = False
-        self.rows = np.flatnonzero(free)[:: round(0.5 * _RATE / _CUTOFF)]
+        independent = round(0.5 * RATE / _CUTOFF)
+        self.rows = moving_rows(self.dq, independent, round(_EDGE * RATE), independent)
 
     def filtered(self, values: Array) -> Array:
         """Return values (M, ...) low-pass filtered along the first axis, without delay."""
@@ -134,8 +131,8 @@ class _Swing:
         for row, (q, dq, ddq) in enumerate(motion):
             pull = gravity[0] * np.sin(x) + gravity[1] * np.cos(x)
             touches = side != 0.0
-            v = np.where(touches, dq, v - pull / _RATE)
-            x = np.where(touches, q + side * half, x + v / _RATE)
+            v = np.where(touches, dq, v - pull / RATE)
+            x = np.where(touches, q + side * half, x + v / RATE)
             # A tooth flank only pushes; the link leaves the flank where the flank would have to
             # pull.
             side = np.where((ddq + pull) * side > 0.0, 0.0, side)
@@ -149,7 +146,7 @@ class _Swing:
 
 def acceleration(position: Array) -> Array:
     """Return second differences of positions along the first axis [rad/s^2]."""
-    return np.asarray(np.gradient(np.gradient(position, axis=0), axis=0) * _RATE**2)
+    return np.asarray(np.gradient(np.gradient(position, axis=0), axis=0) * RATE**2)
 
 
 def _misfit(

@@ -16,12 +16,14 @@ from aerarm_ros.identification.motor_bench.motor_backlash import (
     is_significant,
 )
 from aerarm_ros.identification.motor_bench.motor_friction import (
+    RATE,
     MotorFriction,
     MotorResistance,
     MotorRun,
     MotorSupply,
     find_resistance,
     fit_motor_friction,
+    moving_rows,
 )
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.inertia import point_mass
@@ -149,7 +151,6 @@ def backlash_shifts(
     return np.asarray(shift)
 
 
-_RATE = 1000.0  # [Hz] sampling rate of the uniform time grid
 _CUTOFF = 12.0  # [Hz] zero-phase low-pass filter, above the frequencies of a run
 _ORDER = 3
 # multiples of the filter's time constant excluded at both ends, where samples exist on one side
@@ -157,9 +158,6 @@ _ORDER = 3
 _ENDS = 5
 _STEP = 20  # number of samples from one regression row to the next
 _INDEPENDENT = 0.5 / _CUTOFF  # [s] between samples with independent noise
-_SHORTEST = 0.5  # [s] shortest usable run
-# Below this fraction of its top speed [-] a joint may stick, so its friction is undetermined.
-_STICKING = 0.1
 
 
 def fit_inertia(
@@ -185,11 +183,10 @@ def fit_inertia(
     IdentificationError
         If the runs are too short or the inertia is not positive.
     """
-    filtered = [_filtered(run, friction) for run in runs if _long_enough(run)]
+    filtered = [_filtered(run, friction) for run in runs if run.is_long_enough()]
     if not filtered:
         raise IdentificationError(
-            f'{name}: the acceleration runs are shorter than {_SHORTEST} s; measure more or '
-            'longer runs'
+            f'{name}: the acceleration runs are shorter than 0.5 s; measure more or longer runs'
         )
     columns, torque = (np.concatenate(part) for part in zip(*filtered, strict=True))
     theta, *_ = np.linalg.lstsq(columns, torque, rcond=None)
@@ -204,29 +201,20 @@ def fit_inertia(
     return float(theta[0]), float(np.sqrt(covariance[0, 0]))
 
 
-def _long_enough(run: MotorRun) -> bool:
-    return len(run.time) > 1 and bool(run.time[-1] - run.time[0] >= _SHORTEST)
-
-
 def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
     """Return ddq, dq, sgn(dq) and the torque without gravity, through one low-pass filter."""
     # Local import, because scipy.signal takes longer to import than the rest of this module.
     from scipy.signal import butter, sosfiltfilt
 
-    time = np.arange(run.time[0], run.time[-1], 1.0 / _RATE)
-    q, tau = np.interp(time, run.time, run.q), np.interp(time, run.time, run.tau)
-    low_pass = butter(_ORDER, _CUTOFF, fs=_RATE, output='sos')
+    q, tau = run.uniform()
+    low_pass = butter(_ORDER, _CUTOFF, fs=RATE, output='sos')
     smooth = sosfiltfilt(low_pass, q)
-    dq = np.gradient(smooth, 1.0 / _RATE)
-    ddq = np.gradient(dq, 1.0 / _RATE)
+    dq = np.gradient(smooth, 1.0 / RATE)
+    ddq = np.gradient(dq, 1.0 / RATE)
     rest = tau - friction.load_torque(smooth, dq)
-    edge = round(_INDEPENDENT * _RATE)
+    edge = round(_INDEPENDENT * RATE)
     columns = np.column_stack([ddq, dq, sosfiltfilt(low_pass, np.sign(dq))])
-    # The filter spreads the effect of a standstill to neighbouring samples.
-    slow = np.abs(dq) < _STICKING * np.abs(dq).max()
-    free = np.convolve(slow, np.ones(2 * edge + 1), 'same') == 0.0
-    free[: _ENDS * edge] = free[-_ENDS * edge :] = False
-    rows = np.flatnonzero(free)[::_STEP]
+    rows = moving_rows(dq, edge, _ENDS * edge, _STEP)
     return columns[rows], sosfiltfilt(low_pass, rest)[rows]
 
 
@@ -374,6 +362,12 @@ class MotorBench:
         self.warnings: list[str] = []
         if known is not None:
             self._check_known(known)
+        if robot is not None:
+            self._alone = self._loaded = Dynamics(robot)
+            if known is not None:
+                inertial = np.array(robot.inertial_parameters)
+                inertial[-1] += point_mass(known.mass, known.position)
+                self._loaded = Dynamics(robot.with_inertial_parameters(inertial))
 
     def evaluate(
         self, joint: int, runs: Sequence[MotorRun], supply: MotorSupply | None = None
@@ -438,8 +432,7 @@ class MotorBench:
         recorded = [run for run in swings if len(run.time)]
         amplitude = 0.5 * max(float(np.ptp(run.q)) for run in recorded)
         fastest = max(float(np.abs(run.dq).max()) for run in recorded)
-        dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
-        shift = backlash_shifts(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
+        shift = backlash_shifts(self._loaded, posture, joint, amplitude, fastest**2 / amplitude)
         # The shift by other joints' backlash is assumed to be equally likely between zero and its
         # largest value.
         found = backlash, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
@@ -496,36 +489,27 @@ class MotorBench:
                 raise IdentificationError(
                     f'{name}: the run without the mass has no result for this joint'
                 )
-            expected = self._known_gravity(robot, known, joint)
+            expected = self._known_gravity(joint)
             return fit_torque_constant(friction, self._earlier.gravity[name], expected, name)
         except IdentificationError as error:
             self.warnings.append(f'torque constant not measured: {error}')
             return None
 
-    def _known_gravity(self, robot: Robot, known: KnownMass, joint: int) -> Array:
+    def _known_gravity(self, joint: int) -> Array:
         """Return the known mass's part of the gravity coefficients a and b [Nm]."""
-        alone, loaded = Dynamics(robot), Dynamics(_carrying(robot, known))
         values = []
         for angle in (0.5 * np.pi, 0.0):
             q = self._posture.copy()
             q[joint] = angle
-            values.append(loaded.gravity(q)[joint] - alone.gravity(q)[joint])
+            values.append(self._loaded.gravity(q)[joint] - self._alone.gravity(q)[joint])
         return np.array(values)
 
     def _carried_inertia(self, joint: int) -> tuple[float, float]:
         """Return the inertia of the load about the joint, and its standard deviation [kg m^2]."""
-        known, robot = self._known, self._robot
-        if robot is None:
-            return (known.mass * known.lever**2 if known else 0.0), 0.0
-        links = float(Dynamics(robot).inertia_matrix(self._posture)[joint, joint])
-        if known is None:
-            return links, self._link_uncertainty * links
-        both = Dynamics(_carrying(robot, known)).inertia_matrix(self._posture)
-        return float(both[joint, joint]), self._link_uncertainty * links
-
-
-def _carrying(robot: Robot, known: KnownMass) -> Robot:
-    """Return the arm with a point mass on its last link."""
-    inertial = np.array(robot.inertial_parameters)
-    inertial[-1] += point_mass(known.mass, known.position)
-    return robot.with_inertial_parameters(inertial)
+        if self._robot is None:
+            return (self._known.mass * self._known.lever**2 if self._known else 0.0), 0.0
+        both, links = (
+            float(dynamics.inertia_matrix(self._posture)[joint, joint])
+            for dynamics in (self._loaded, self._alone)
+        )
+        return both, self._link_uncertainty * links

@@ -4,31 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.motion.signals import Array
 
-
-@dataclass(frozen=True, eq=False)
-class MotorBlocks:
-    """Mean motion and mean torque of a joint in each of B time blocks.
-
-    Attributes
-    ----------
-    speed : float or None
-        Commanded velocity, signed [rad/s].
-    sine, cosine : (B,) ndarray
-        Means of sin(q) and cos(q), from which the gravity torque is computed [-].
-    dq, ddq, tau : (B,) ndarray
-        Mean joint velocity [rad/s], acceleration [rad/s^2] and torque [Nm].
-    """
-
-    speed: float | None
-    sine: Array
-    cosine: Array
-    dq: Array
-    ddq: Array
-    tau: Array
+RATE = 1000.0
+"""Sampling rate of uniform times [Hz]."""
+_SHORTEST = 0.5  # [s] shortest usable run
+# Below this fraction of its top speed [-] a joint may stick, so its friction is undetermined.
+_STICKING = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +39,20 @@ class MotorRun:
     tau: Array
     swings: bool = False
 
-    def blocks(self, length: float) -> MotorBlocks:
-        """Return means over time blocks of `length` [s], to reduce noise and gear ripple."""
+    def is_long_enough(self) -> bool:
+        """Return whether the run takes at least half a second."""
+        return len(self.time) > 1 and bool(self.time[-1] - self.time[0] >= _SHORTEST)
+
+    def uniform(self) -> tuple[Array, Array]:
+        """Return positions and torques at uniform times, `RATE` per second."""
+        time = np.arange(self.time[0], self.time[-1], 1.0 / RATE)
+        return np.interp(time, self.time, self.q), np.interp(time, self.time, self.tau)
+
+    def blocks(self, length: float) -> Array:
+        """Return means (5, B) of sin(q), cos(q), dq, ddq and tau over time blocks of `length` [s].
+
+        The means reduce noise and gear ripple.
+        """
         since = self.time - self.time[0]
         index = (since / length).astype(int)
         # remaining samples belong to the last block
@@ -68,14 +65,22 @@ class MotorRun:
         # The acceleration is the slope of a linear fit to the velocities of each block.
         offset = since - mean(since)[index]
         spread = np.maximum(mean(offset**2), 1e-12)
-        return MotorBlocks(
-            speed=self.speed,
-            sine=mean(np.sin(self.q)),
-            cosine=mean(np.cos(self.q)),
-            dq=mean(self.dq),
-            ddq=mean(offset * self.dq) / spread,
-            tau=mean(self.tau),
-        )
+        slope = mean(offset * self.dq) / spread
+        others = (np.sin(self.q), np.cos(self.q), self.dq, self.tau)
+        sine, cosine, dq, tau = map(mean, others)
+        return np.array([sine, cosine, dq, slope, tau])
+
+
+def moving_rows(dq: Array, spread: int, ends: int, step: int) -> npt.NDArray[np.intp]:
+    """Return every `step`-th row of velocities (M,) in which the joint moves.
+
+    Rows within `spread` samples of a standstill, and `ends` samples at both ends, are excluded.
+    """
+    slow = np.abs(dq) < _STICKING * np.abs(dq).max()
+    # A filter spreads the effect of a standstill to neighbouring samples.
+    free = np.convolve(slow, np.ones(2 * spread + 1), 'same') == 0.0
+    free[:ends] = free[-ends:] = False
+    return np.flatnonzero(free)[::step]
 
 
 _BLOCK = 0.1  # [s]: noise of two blocks is independent
@@ -155,12 +160,10 @@ def fit_motor_friction(
     IdentificationError
         If the steps do not separate the parameters, or the friction is negative.
     """
-    blocks = [run.blocks(_BLOCK) for run in runs if len(run.time)]
-    sine, cosine, dq, ddq, tau = (
-        np.concatenate([getattr(block, field) for block in blocks] or [np.zeros(0)])
-        for field in ('sine', 'cosine', 'dq', 'ddq', 'tau')
-    )
-    _check_steps(name, blocks, dq)
+    runs = [run for run in runs if len(run.time)]
+    blocks = [run.blocks(_BLOCK) for run in runs]
+    sine, cosine, dq, ddq, tau = np.hstack([np.zeros((5, 0)), *blocks])
+    _check_steps(name, runs, blocks, dq)
     tau = tau - inertia * ddq
     theta, covariance = np.zeros(5), np.zeros((5, 5))
     used = np.arange(5 if mounted else 2)
@@ -173,7 +176,7 @@ def fit_motor_friction(
             'sign of the motor in the configuration, and that nothing pushes the joint'
         )
     known = _columns(sine, cosine, dq, theta[3:])[:, 2:] @ theta[2:]
-    index = np.repeat(np.arange(len(blocks)), [len(block.dq) for block in blocks])
+    index = np.repeat(np.arange(len(blocks)), [block.shape[1] for block in blocks])
     count = np.bincount(index)
     return MotorFriction(
         viscous=float(theta[0]),
@@ -220,16 +223,16 @@ def _solve(columns: Array, tau: Array, name: str) -> tuple[Array, Array]:
     return theta, np.linalg.pinv(rows.T @ rows)
 
 
-def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
+def _check_steps(name: str, runs: Sequence[MotorRun], blocks: Sequence[Array], dq: Array) -> None:
     if len(dq) < _LEAST_BLOCKS:
         raise IdentificationError(
             f'{name}: only {len(dq)} intervals of {_BLOCK:g} s at constant speed were found; '
             'check that joint_states arrive while the bench moves'
         )
     still = [
-        block.speed
-        for block in blocks
-        if block.speed is not None and abs(np.mean(block.dq)) < 0.5 * abs(block.speed)
+        run.speed
+        for run, (_, _, velocity, *_) in zip(runs, blocks, strict=True)
+        if run.speed is not None and abs(np.mean(velocity)) < 0.5 * abs(run.speed)
     ]
     if still:
         raise IdentificationError(

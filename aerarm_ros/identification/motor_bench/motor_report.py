@@ -222,26 +222,19 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
 
 
 def _cells(result: MotorResult) -> tuple[str, ...]:
-    ohmic = result.resistance
-    resistance = '-' if ohmic is None else _with_std((ohmic.ohm, ohmic.std))
-    if ohmic is not None and ohmic.source == BOARD:
-        resistance = f'({resistance})'
-    inertia, constant, backlash = result.rotor_inertia, result.torque_constant, result.backlash
-    backlash_text = '-' if backlash is None else _with_std((1e3 * backlash[0], 1e3 * backlash[1]))
-    if backlash is not None and not is_significant(backlash):
-        backlash_text = f'({backlash_text})'
-    shown = '-' if inertia is None else _with_std(inertia)
-    if inertia is not None and not result.rotor_inertia_known:
-        shown = f'({shown})'
+    ohmic, backlash = result.resistance, result.backlash
+    constant = result.torque_constant
     return (
         result.joint,
         result.motor,
-        _with_std(result.viscous_motor),
-        _with_std(result.coulomb),
-        shown,
-        _with_std(constant) if constant else f'({result.torque_constant_stated:.4f})',
-        resistance,
-        backlash_text,
+        _cell(result.viscous_motor),
+        _cell(result.coulomb),
+        _cell(result.rotor_inertia, result.rotor_inertia_known),
+        _cell(constant) if constant else f'({result.torque_constant_stated:.4f})',
+        _cell((ohmic.ohm, ohmic.std), ohmic.source != BOARD) if ohmic else '-',
+        _cell((1e3 * backlash[0], 1e3 * backlash[1]), is_significant(backlash))
+        if backlash
+        else '-',
     )
 
 
@@ -251,8 +244,12 @@ def _page_row(result: MotorResult) -> list[str]:
     return [joint, motor, *map(Html, numbers)]
 
 
-def _with_std(value: tuple[float, float]) -> str:
-    return f'{value[0]:.3g} ± {value[1]:.1g}'
+def _cell(value: tuple[float, float] | None, is_certain: bool = True) -> str:
+    """Return a value with its standard deviation as text, an uncertain value in brackets."""
+    if value is None:
+        return '-'
+    text = f'{value[0]:.3g} ± {value[1]:.1g}'
+    return text if is_certain else f'({text})'
 
 
 def _figure(results: Sequence[MotorResult]) -> Html:

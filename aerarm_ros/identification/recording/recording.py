@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ from aerarm_ros.identification.recording.signal_checks import (
     usable_messages,
     without_spikes,
 )
+from aerarm_ros.identification.recording.table_file import TableStates
 from aerarm_ros.motion.signals import Array
 
 # tolerated fraction of missed bridge cycles; filters remove the effect of single long steps
@@ -236,30 +236,6 @@ _FEWEST_MESSAGES = 20
 _LARGEST = 1e6  # [rad], [rad/s], [Nm]: beyond any arm, with finite squares
 
 
-class JointStates(Protocol):
-    """Joint states of one topic as arrays, with NaN for empty message fields."""
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Joint names, in the order of the columns."""
-
-    @property
-    def stamp(self) -> Array:
-        """Header stamps (M,) of the messages [s]."""
-
-    @property
-    def position(self) -> Array:
-        """(M, n) joint positions [rad]."""
-
-    @property
-    def velocity(self) -> Array:
-        """(M, n) joint velocities [rad/s]."""
-
-    @property
-    def effort(self) -> Array:
-        """(M, n) joint efforts [Nm]."""
-
-
 @dataclass(frozen=True)
 class JointMapping:
     """Mapping of joints in a bag to joints in the URDF.
@@ -350,7 +326,7 @@ class Recording:
 
 def recording_from_states(
     name: str,
-    states: JointStates,
+    states: TableStates,
     joint_names: Sequence[str],
     mapping: JointMapping,
     commanded: tuple[slice, str] | None = None,
@@ -362,7 +338,7 @@ def recording_from_states(
     ----------
     name : str
         Name of the bag, for messages.
-    states : JointStates
+    states : TableStates
         Joint states read from the bag.
     joint_names : sequence of str
         Joints of the arm, from base to tool.
@@ -421,7 +397,7 @@ def recording_from_states(
 
 
 def _used_rows(
-    states: JointStates, order: Array, commanded: tuple[slice, str] | None
+    states: TableStates, order: Array, commanded: tuple[slice, str] | None
 ) -> tuple[slice, str]:
     """Return the rows of the messages to use, and the reason for the choice."""
     part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
@@ -457,38 +433,41 @@ def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.in
 def _columns(
     bag: str, names: Sequence[str], joint_names: Sequence[str], mapping: JointMapping
 ) -> list[int]:
-    unknown = [name for name in mapping.rename if name not in names]
-    if unknown:
-        raise IdentificationError(
-            f'joint {", ".join(unknown)} (--rename) is not in {bag}: choose from {", ".join(names)}'
-        )
     renamed = [mapping.own_name(name) for name in names]
-    missing = [name for name in joint_names if name not in renamed]
-    if missing:
-        raise IdentificationError(
-            f'joints {", ".join(missing)} of the URDF are not in {bag}, which has '
-            f"{', '.join(names)}: rename the bag's joints (--tf-prefix, --rename BAG=URDF), "
-            'lock joints of the URDF (--lock JOINT), or pass the URDF of the recorded arm'
-        )
-    twice = [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1]
-    if twice:
-        raise IdentificationError(
-            f'several joints of {bag} are called {", ".join(twice)} after renaming: check --rename'
-        )
     known = (*joint_names, *mapping.ignored, *mapping.locked)
-    extra = [name for name in renamed if name not in known]
-    if extra:
-        raise IdentificationError(
-            f'joints {", ".join(extra)} of {bag} are missing from the URDF, which has '
-            f'{", ".join(joint_names)}: pass the URDF of the recorded arm, or ignore these '
-            'joints (--ignore JOINT)'
-        )
-    absent = [name for name in mapping.ignored if name not in renamed]
-    if absent:
-        raise IdentificationError(
-            f'joint {", ".join(absent)} (--ignore) is not in {bag}: choose from '
-            f'{", ".join(renamed)}'
-        )
+    recorded, arm = ', '.join(names), ', '.join(joint_names)
+    for what, wrong, text in (
+        (
+            'joint',
+            [name for name in mapping.rename if name not in names],
+            f'(--rename) is not in {bag}: choose from {recorded}',
+        ),
+        (
+            'joints',
+            [name for name in joint_names if name not in renamed],
+            f"of the URDF are not in {bag}, which has {recorded}: rename the bag's joints "
+            '(--tf-prefix, --rename BAG=URDF), lock joints of the URDF (--lock JOINT), or pass the '
+            'URDF of the recorded arm',
+        ),
+        (
+            f'several joints of {bag} are called',
+            [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1],
+            'after renaming: check --rename',
+        ),
+        (
+            'joints',
+            [name for name in renamed if name not in known],
+            f'of {bag} are missing from the URDF, which has {arm}: pass the URDF of the recorded '
+            'arm, or ignore these joints (--ignore JOINT)',
+        ),
+        (
+            'joint',
+            [name for name in mapping.ignored if name not in renamed],
+            f'(--ignore) is not in {bag}: choose from {", ".join(renamed)}',
+        ),
+    ):
+        if wrong:
+            raise IdentificationError(f'{what} {", ".join(wrong)} {text}')
     return [renamed.index(name) for name in joint_names]
 
 
@@ -507,16 +486,14 @@ def _check_complete(
         )
     rows = np.flatnonzero(bad.any(axis=1))
     if np.isfinite(values).all():
-        raise IdentificationError(
-            f'{field} of joints {names} in {bag} reaches {np.abs(values).max():.3g} in '
-            f'{len(rows)} of {len(values)} messages, first {stamp[rows[0]] - stamp[0]:.3f} s '
-            'after the start of the motion: check units and the driver that published the '
-            'messages'
-        )
+        what = f'reaches {np.abs(values).max():.3g}'
+        advice = 'units and the driver that published the messages'
+    else:
+        what = 'is NaN or infinite'
+        advice = 'the driver that published the messages, or record again'
     raise IdentificationError(
-        f'{field} of joints {names} in {bag} is NaN or infinite in {len(rows)} of {len(values)} '
-        f'messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start of the motion: check '
-        'the driver that published the messages, or record again'
+        f'{field} of joints {names} in {bag} {what} in {len(rows)} of {len(values)} messages, '
+        f'first {stamp[rows[0]] - stamp[0]:.3f} s after the start of the motion: check {advice}'
     )
 
 

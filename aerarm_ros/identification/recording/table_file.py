@@ -54,8 +54,11 @@ _SPELLINGS = (
     ('[µμ]s', 'us'),
 )
 _UNIT = re.compile(r'\s*[\[(]([^\[\]()]*)[\])]\s*$')
-_SEPARATOR = '_./: -'
-_NUMBER = re.compile(r'[_.]?(?:(\d+)|[\[(](\d+)[\])])')
+# A number or a joint name after the word of a quantity, or a joint name before the word.
+_COLUMN = (
+    r'{0}(?:[_.]?(?:(?P<number>\d+)|[\[(](?P<index>\d+)[\])])|[_./: -](?P<after>.*))'
+    r'|(?P<before>.+)[_./: -]{0}'
+)
 
 
 @dataclass(frozen=True)
@@ -84,16 +87,6 @@ class TableColumn:
     is_index: bool = False
     factor: float = 1.0
     unit: str = ''
-
-    def named(self, joint: str) -> TableColumn:
-        """Return a copy of a numbered column that has the name of its joint."""
-        return replace(self, joint=joint, number=None)
-
-
-def accepted_names() -> str:
-    """Return a description of the accepted column names, for messages."""
-    words = ', '.join(f'{name}: {"/".join(words)}' for name, words in WORDS.items())
-    return f"time: {'/'.join(TIME)}, {words}; each followed by _JOINT or the joint's number"
 
 
 def first_number(numbers: Iterable[int], joints: int) -> int | None:
@@ -131,9 +124,10 @@ def table_column(name: str) -> TableColumn | None:
     bare, unit = split_unit(name)
     if bare.lower() in TIME:
         return TableColumn('time', '', factor=unit_factor(name, 'time', unit), unit=unit)
-    for shorter in _without_path(bare):
-        found = _of_joint(shorter)
-        if found is not None:
+    parts = bare.split('/')
+    # The last parts of a topic-like path, or the whole name.
+    for shorter in (parts[-1], '/'.join(parts[-2:])) if bare.startswith('/') else (bare,):
+        if found := _of_joint(shorter):
             return replace(found, factor=unit_factor(name, found.quantity, unit), unit=unit)
     return None
 
@@ -159,31 +153,14 @@ def unit_factor(name: str, quantity: str, unit: str) -> float:
     return known.get(short, 1.0)
 
 
-def _without_path(name: str) -> Iterator[str]:
-    """Yield candidate column names: the whole name, and the last parts of a topic-like path."""
-    parts = name.split('/')
-    if name.startswith('/'):
-        yield parts[-1]
-        yield '/'.join(parts[-2:])
-    else:
-        yield name
-
-
 def _of_joint(name: str) -> TableColumn | None:
     """Return quantity and joint (name or number) of a column name."""
     for quantity, words in WORDS.items():
         for word in words:
-            front, back = name[: len(word)].lower(), name[-len(word) :].lower()
-            rest = name[len(word) :]
-            number = _NUMBER.fullmatch(rest) if front == word else None
-            if number:
-                return TableColumn(quantity, '', int(number[1] or number[2]), number[1] is None)
-            if front == word and rest[:1] and rest[0] in _SEPARATOR:
-                return TableColumn(quantity, rest[1:].strip())
-            if back == word and len(name) > len(word) + 1:
-                separator = name[-len(word) - 1]
-                if separator in _SEPARATOR:
-                    return TableColumn(quantity, name[: -len(word) - 1].strip())
+            if found := re.fullmatch(_COLUMN.format(word), name, re.IGNORECASE):
+                if number := found['number'] or found['index']:
+                    return TableColumn(quantity, '', int(number), found['number'] is None)
+                return TableColumn(quantity, (found['after'] or found['before'] or '').strip())
     return None
 
 
@@ -320,7 +297,10 @@ def read_table(
     with table_errors(path, _LARGEST, IdentificationError):
         read = _npz if path.suffix.lower() == '.npz' else _csv
         columns, sources = read(path, joint_names, options)
-        columns = _without_currents(columns)
+        for (quantity, joint), values in list(columns.items()):
+            if quantity == 'current':  # replaces a missing effort
+                columns.setdefault(('effort', joint), values)
+                del columns[quantity, joint]
     return _states(path, columns, sources, joint_names, options)
 
 
@@ -344,16 +324,21 @@ def _csv(
                 f'the first line has {len(names)} names, but there are {count} columns'
             )
         if not meanings:
+            words = ', '.join(f'{name}: {"/".join(words)}' for name, words in WORDS.items())
             raise IdentificationError(
                 f'{path} has no position of any joint (its columns are '
-                f'{some_names(names, _SHOWN)}): name the columns {accepted_names()}'
+                f'{some_names(names, _SHOWN)}): name the columns time: {"/".join(TIME)}, {words}; '
+                "each followed by _JOINT or the joint's number"
             )
         rows = itertools.chain([first], file)
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', UserWarning)  # without rows, there are too few states
             values = np.loadtxt(rows, delimiter=delimiter, ndmin=2, usecols=list(meanings))
     columns = {
-        (meaning.quantity, meaning.joint): _factor(meaning, options) * column
+        (meaning.quantity, meaning.joint): (
+            meaning.factor if meaning.unit else _unstated(meaning.quantity, options)
+        )
+        * column
         for meaning, column in zip(meanings.values(), values.T, strict=True)
     }
     return columns, {
@@ -416,7 +401,7 @@ def _numbered(
             )
         for place, (column, number) in group.items():
             if 0 <= number - first < len(joint_names):
-                named[place] = column.named(joint_names[number - first])
+                named[place] = replace(column, joint=joint_names[number - first], number=None)
     return named
 
 
@@ -425,10 +410,6 @@ def some_names(names: Collection[str], most: int = 12) -> str:
     shown = [name or "''" for name in list(names)[:most]]
     more = len(names) - len(shown)
     return ', '.join(shown) + (f' and {more} more' if more else '') or 'none'
-
-
-def _factor(column: TableColumn, options: TableOptions) -> float:
-    return column.factor if column.unit else _unstated(column.quantity, options)
 
 
 def _unstated(quantity: str, options: TableOptions) -> float:
@@ -469,15 +450,6 @@ def _npz(
         columns |= {(quantity, joint): values[:, i] for i, joint in enumerate(names)}
         sources |= {(quantity, joint): f'{key}[:, {i}]' for i, joint in enumerate(names)}
     return columns, sources
-
-
-def _without_currents(columns: _Columns) -> _Columns:
-    """Return the columns; for a joint without a column of efforts, currents serve as efforts."""
-    kept = {key: values for key, values in columns.items() if key[0] != 'current'}
-    for (quantity, joint), values in columns.items():
-        if quantity == 'current':
-            kept.setdefault(('effort', joint), values)
-    return kept
 
 
 def _states(
@@ -528,7 +500,7 @@ def _states(
 
 
 def _is_wanted(key: str) -> bool:
-    return key in (*_NAMES, *TIME, 'unit') or any(key in words for words in WORDS.values())
+    return key in (*_NAMES, *TIME, 'unit', *itertools.chain(*WORDS.values()))
 
 
 def _is_number(text: str) -> bool:

@@ -65,6 +65,11 @@ class RegressionBank:
         Inertial parameters that determine the load of load-dependent terms.
     row_weights : sequence of (M, n) arrays, optional
         Factors of each bag's rows.
+
+    Attributes
+    ----------
+    factors : n lists of arrays
+        Triangular factors of the regressor for each joint and part of the motion.
     """
 
     def __init__(
@@ -79,7 +84,7 @@ class RegressionBank:
         columns = [[bag.term(term, inertial) for term in self.terms] for bag in bags]
         for bag in bags:
             bag.drop_loads()
-        self._factors: list[list[Array]] = []
+        self.factors: list[list[Array]] = []
         self._rows = np.zeros((self.n, FOLDS), dtype=np.intp)
         for joint in range(self.n):
             blocks = []
@@ -91,7 +96,7 @@ class RegressionBank:
                 if row_weights is not None:
                     block *= row_weights[place][:, joint, None]
                 blocks.append(block)
-            self._factors.append([])
+            self.factors.append([])
             for fold in range(FOLDS):
                 rows = np.vstack(
                     [
@@ -100,7 +105,7 @@ class RegressionBank:
                     ]
                 )
                 self._rows[joint, fold] = len(rows)
-                self._factors[joint].append(triangular_factor(rows))
+                self.factors[joint].append(triangular_factor(rows))
 
     def regression(
         self, model: JointModel, folds: Iterable[int] = range(FOLDS)
@@ -117,7 +122,7 @@ class RegressionBank:
         factors = []
         for joint in range(self.n):
             own = [(i, t) for i, (j, t) in enumerate(joint_columns) if j == joint]
-            source = np.vstack([self._factors[joint][fold] for fold in folds])
+            source = np.vstack([self.factors[joint][fold] for fold in folds])
             links = 10 * self.n
             spread = np.zeros((len(source), links + len(joint_columns) + 1))
             spread[:, :links] = source[:, :links]
@@ -126,10 +131,6 @@ class RegressionBank:
             spread[:, -1] = source[:, -1]
             factors.append(triangular_factor(spread))
         return ReducedRegression(model.columns, factors, self._rows[:, folds].sum(axis=1))
-
-    def factor(self, joint: int, fold: int) -> Array:
-        """Return the triangular factor of the regressor for one joint and one part of a motion."""
-        return self._factors[joint][fold]
 
 
 _ROUNDS = 2  # noise and fit depend on each other; two rounds are sufficient

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -42,8 +43,8 @@ class SampleColumns:
 
     Attributes
     ----------
-    motion : DistinctMotion
-        Motion from which the columns are computed.
+    motion : Samples
+        Motion without repeated cycles, from which the columns are computed.
     rigid, rigid_raw : (M, n, 10 n) ndarray
         Columns of the links, with and without the torque's low-pass filter.
     weights : (n,) ndarray
@@ -52,46 +53,55 @@ class SampleColumns:
 
     def __init__(self, samples: Samples, regressor: Regressor) -> None:
         self.samples = samples
-        self.motion = motion = samples.distinct()
+        self.motion, self._place = motion, _ = samples.distinct()
         self._links = regressor.stack_rigid(motion.q, motion.dq, motion.ddq)
-        self.rigid_raw = motion.whole(self._links)
-        self.rigid = motion.whole(motion.coarse_filter(self._links))
+        self.rigid_raw = self.whole(self._links)
+        self.rigid = self.whole(motion.coarse_filter(self._links))
         self._cache: dict[JointTerm, Array] = {}
         self._loads = np.zeros(0), np.zeros((0, samples.n))
         self._states: dict[float, Array] = {}
         self.weights = np.ones(samples.n)
 
-    def with_samples(self, samples: Samples) -> 'SampleColumns':
-        """Return a copy of the bag with the torques of `samples`, which has the same motion."""
+    def altered(self, **values: Any) -> 'SampleColumns':
+        """Return a copy of the bag with other `samples` of the same motion, or other `weights`."""
         other = copy(self)
-        other.samples = samples
+        vars(other).update(values)
         return other
 
-    def with_weights(self, weights: Array) -> 'SampleColumns':
-        """Return a copy of the bag with other weights (n,) of the joints' rows."""
-        other = copy(self)
-        other.weights = weights
-        return other
+    def whole(self, columns: Array) -> Array:
+        """Return columns (M, ...) for the whole motion from columns (K, ...) without repeats."""
+        return columns if self._place is None else columns[self._place]
 
     def rate(self, term: JointTerm, inertial: Array | None = None) -> Array:
         """Return the time derivative (M, n) of a term's filtered column for every joint.
 
         Terms of another driving joint are not supported; parameters are those of `term`.
         """
-        if term.kind is TermKind.LOAD and inertial is not None:
-            return self._load_columns(term, inertial, derivative=1)
-        return self.motion.whole(self._term_columns(term, derivative=1))
+        return self._columns(term, inertial, derivative=1)
 
-    def _term_columns(self, term: JointTerm, derivative: int = 0) -> Array:
+    def _columns(
+        self,
+        term: JointTerm,
+        inertial: Array | None,
+        joints: slice | list[int] = slice(None),
+        derivative: int = 0,
+    ) -> Array:
+        """Return the filtered columns of a term, or their time derivatives."""
         motion = self.motion
         if term.driver is not None:
             basis = term.basis(motion.dq[:, term.driver], motion.ddq[:, term.driver], None)
-            return motion.coarse_filter(basis, derivative)[:, None]
+            return self.whole(motion.coarse_filter(basis, derivative)[:, None])
         if term.smooth:
             # Computed like the links' columns, so that rotor and link columns add up exactly.
-            return motion.coarse_filter(term.basis(motion.dq, motion.ddq, None), derivative)
-        basis = term.basis(motion.dq_fine, motion.ddq_fine, None, self._state(term))
-        return motion.fine_filter(basis, derivative)
+            basis = term.basis(motion.dq, motion.ddq, None)
+            return self.whole(motion.coarse_filter(basis, derivative))
+        load = None
+        if term.kind is TermKind.LOAD and inertial is not None:
+            load = self._fine_loads(inertial)[:, joints]
+        state = self._state(term)
+        known = None if state is None else state[:, joints]
+        basis = term.basis(motion.dq_fine[:, joints], motion.ddq_fine[:, joints], load, known)
+        return self.whole(motion.fine_filter(basis, derivative))
 
     def term(self, term: JointTerm, inertial: Array | None = None) -> Array:
         """Return the regressor column of a joint term, for every joint.
@@ -107,13 +117,9 @@ class SampleColumns:
             Filtered torque per coefficient.
         """
         if term.kind is TermKind.LOAD:
-            if inertial is None:
-                raise ValueError(
-                    'load-dependent friction needs the inertial parameters of the links'
-                )
-            return self._load_columns(term, inertial)
+            return self._columns(term, inertial)
         if term not in self._cache:
-            columns = self.motion.whole(self._term_columns(term))
+            columns = self._columns(term, inertial)
             self._cache[term] = np.broadcast_to(columns, self.samples.q.shape)
         return self._cache[term]
 
@@ -132,30 +138,14 @@ class SampleColumns:
         filtered = self.rigid @ inertial
         for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
             if term.kind is TermKind.LOAD:
-                filtered[:, joint] += value * self._load_columns(term, inertial, [joint])[:, 0]
+                filtered[:, joint] += value * self._columns(term, inertial, [joint])[:, 0]
             else:
                 filtered[:, joint] += value * self.term(term)[:, joint]
         return Prediction(filtered, raw)
 
     def links_torque(self, inertial: Array) -> Array:
         """Return the (M, n) unfiltered torque on the links [Nm] for (10 n,) parameters."""
-        return self.motion.whole(self._links @ inertial)
-
-    def _load_columns(
-        self,
-        term: JointTerm,
-        inertial: Array,
-        joints: Sequence[int] | None = None,
-        derivative: int = 0,
-    ) -> Array:
-        """Return the filtered columns of load-dependent friction, or their time derivatives."""
-        motion = self.motion
-        some = list(range(self.samples.n)) if joints is None else list(joints)
-        fine = motion.dq_fine[:, some], motion.ddq_fine[:, some]
-        state = self._state(term)
-        known = None if state is None else state[:, some]
-        basis = term.basis(*fine, self._fine_loads(inertial)[:, some], known)
-        return motion.whole(motion.fine_filter(basis, derivative))
+        return self.whole(self._links @ inertial)
 
     def _fine_loads(self, inertial: Array) -> Array:
         """Return the magnitude (L, n) of the torque on the links at the fine samples [Nm]."""
@@ -209,6 +199,7 @@ class TriangularSystem:
     z: Array
 
 
+@dataclass(frozen=True, eq=False)
 class ReducedRegression:
     """Stacked regressor of thesis (3.8), reduced to one triangular factor per joint.
 
@@ -216,22 +207,19 @@ class ReducedRegression:
     are therefore sufficient to compute any fit and any residual norm, with any weights of the
     joints. A problem of 80,000 rows becomes one of n (p + 1) rows with the same solution.
 
-    Parameters
+    Attributes
     ----------
-    columns : sequence of str
+    columns : tuple of str
         Names of the p parameters.
     factors : sequence of n arrays (rows_j, p + 1)
         Factors of the columns and, last, of the torque.
-    rows : (n,) array_like of int
+    rows : (n,) ndarray of int
         Number of samples per factor.
     """
 
-    def __init__(
-        self, columns: Sequence[str], factors: Sequence[Array], rows: npt.ArrayLike
-    ) -> None:
-        self.columns = tuple(columns)
-        self.factors = tuple(factors)
-        self.rows = np.asarray(rows, dtype=np.intp)
+    columns: tuple[str, ...]
+    factors: Sequence[Array]
+    rows: npt.NDArray[np.intp]
 
     @property
     def n(self) -> int:

@@ -6,6 +6,7 @@ from datetime import datetime
 
 import numpy as np
 
+from aerarm_ros.identification.assessment import weighted_line
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import Html, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
@@ -155,17 +156,8 @@ def _drift(arm: str, name: str, days: Array, values: Array, std: Array) -> Drift
     known = np.isfinite(values) & np.isfinite(std) & (std > 0.0)
     if known.sum() < _LEAST_BAGS or np.ptp(days[known]) <= 0.0:
         return None
-    age = days[known] - days[known].mean()
-    columns = np.column_stack([np.ones_like(age), age]) / std[known, None]
-    wanted = values[known] / std[known]
-    solved, *_ = np.linalg.lstsq(columns, wanted, rcond=None)
-    left = wanted - columns @ solved
-    # Values of bags scatter by more than their standard deviations; the residual of the line
-    # determines the factor.
-    scale = max(1.0, float(np.sqrt(left @ left / max(len(left) - 2, 1))))
-    deviation = scale * float(np.sqrt(np.linalg.inv(columns.T @ columns)[1, 1]))
-    span, mean = float(np.ptp(age)), float(solved[0])
-    change, deviations = float(solved[1]) * span, float(solved[1]) / deviation
+    mean, slope, deviation = weighted_line(days[known], values[known], std[known])
+    change, deviations = slope * float(np.ptp(days[known])), slope / deviation
     if abs(deviations) < _CLEAR or abs(change) < _LEAST_CHANGE * abs(mean):
         return None
     return Drift(arm, name, change, mean, deviations)

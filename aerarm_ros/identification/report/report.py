@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,31 +14,8 @@ from aerarm_ros.identification.arm_parameters import inertia_boxes
 from aerarm_ros.identification.files.summary import ExportError
 from aerarm_ros.identification.identification_result import IdentificationResult, geometry_text
 from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
-from aerarm_ros.identification.report.report_figures import (
-    cutoff_figure,
-    friction_figure,
-    residual_figure,
-    spectrum_figure,
-    torque_figure,
-    velocity_figure,
-)
-from aerarm_ros.identification.report.report_tables import (
-    bags_of,
-    base_parameter_table,
-    conditioning_tables,
-    energy_table,
-    error_table,
-    excitation_table,
-    export_table,
-    friction_tables,
-    joint_error_table,
-    parameter_table,
-    payload_table,
-    recording_table,
-    residual_table,
-    rollout_table,
-    truth_table,
-)
+from aerarm_ros.identification.report import report_figures as figures
+from aerarm_ros.identification.report import report_tables as tables
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import (
@@ -130,17 +108,12 @@ def _boxes(
     for link, box, pose, parameters in zip(links, corners, poses, inertial, strict=True):
         if not np.isfinite(box).all():
             continue
-        x, y, z = (box @ pose[:3, :3].T + pose[:3, 3]).round(5).T.tolist()
-        i, j, k = _TRIANGLES.T.tolist()
+        places = (box @ pose[:3, :3].T + pose[:3, 3]).round(5)
         traces.append(
             {
                 'type': 'mesh3d',
-                'x': x,
-                'y': y,
-                'z': z,
-                'i': i,
-                'j': j,
-                'k': k,
+                **dict(zip('xyz', places.T.tolist(), strict=True)),
+                **dict(zip('ijk', _TRIANGLES.T.tolist(), strict=True)),
                 'name': name,
                 'legendgroup': name,
                 'showlegend': not traces,
@@ -157,13 +130,10 @@ def _boxes(
 def _skeleton(poses: Array, joints: tuple[str, ...]) -> dict[str, Any]:
     """Return a curve from the base through the origins of all joints."""
     points = np.vstack([np.zeros(3), poses[:, :3, 3]]).round(5)
-    x, y, z = points.T.tolist()
     return {
         'type': 'scatter3d',
         'mode': 'lines+markers',
-        'x': x,
-        'y': y,
-        'z': z,
+        **dict(zip('xyz', points.T.tolist(), strict=True)),
         'name': 'joints',
         'hoverinfo': 'text',
         'marker': {'size': 4, 'color': _ARM},
@@ -188,12 +158,9 @@ def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
     truth : Truth or None
         True parameters of a simulated arm, shown in addition.
     """
-    base, prior = result.used_base, result.fit.prior.std
+    base = result.used_base
     names = [_short(text) for text in base.expressions()]
-    open_left = np.sqrt(
-        prior[base.independent] ** 2 + base.combination**2 @ prior[base.dependent] ** 2
-    )
-    scale = np.maximum(open_left, 1e-300)
+    scale = np.maximum(result.base_prior_deviations, 1e-300)
     cad = base.values(result.cad.vector(result.fit.model))
     found = base.values(result.recommended.estimate.theta)
     place = (found - cad) / scale
@@ -224,18 +191,21 @@ def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
                 'marker': {'color': '#0b7a3b', 'symbol': 'x', 'size': 7},
             }
         )
-    layout = {
-        'height': _ROW * len(names) + 110,
+    layout = _bar_layout(len(names), 'distance from CAD in standard deviations')
+    layout['legend'] = {'orientation': 'h', 'y': 1.0, 'yanchor': 'bottom'}
+    layout['xaxis']['range'] = [-reach, reach]
+    return figure_html('intervals', traces, layout)
+
+
+def _bar_layout(count: int, title: str) -> dict[str, Any]:
+    """Return the layout of a figure with one named row per quantity."""
+    return {
+        'height': _ROW * count + 110,
         'margin': {'l': 260, 'r': 15, 't': 30, 'b': 45},
         'template': 'none',
-        'legend': {'orientation': 'h', 'y': 1.0, 'yanchor': 'bottom'},
-        'xaxis': {
-            'title': {'text': 'distance from CAD in standard deviations'},
-            'range': [-reach, reach],
-        },
+        'xaxis': {'title': {'text': title}},
         'yaxis': {'autorange': 'reversed', 'tickfont': {'size': 11}, 'type': 'category'},
     }
-    return figure_html('intervals', traces, layout)
 
 
 def _short(expression: str) -> str:
@@ -295,18 +265,20 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
         section(
             'Torque errors',
             paragraph(_metric(result), 'note'),
-            error_table(result),
+            tables.error_table(result),
             paragraph(geometry_text(result), 'note'),
         ),
-        section('Torque errors per joint', joint_error_table(result)),
-        section('What limits accuracy', paragraph(_RESIDUAL, 'note'), residual_table(result)),
+        section('Torque errors per joint', tables.joint_error_table(result)),
+        section(
+            'What limits accuracy', paragraph(_RESIDUAL, 'note'), tables.residual_table(result)
+        ),
     ]
     if extras.exports:
         body.append(
             section(
                 'Torque errors of the written files',
                 paragraph(_EXPORTS, 'note'),
-                export_table(result, extras.exports),
+                tables.export_table(result, extras.exports),
             )
         )
     if extras.truth_errors:
@@ -314,13 +286,13 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             section(
                 'Comparison with the true parameters',
                 paragraph(_TRUTH, 'note'),
-                truth_table(extras.truth_errors, robot.joint_names),
+                tables.truth_table(extras.truth_errors, robot.joint_names),
             )
         )
     if result.rollouts:
-        body.append(section('Rollouts', paragraph(_ROLLOUTS, 'note'), rollout_table(result)))
+        body.append(section('Rollouts', paragraph(_ROLLOUTS, 'note'), tables.rollout_table(result)))
     if extras.payload is not None:
-        body.append(section('Payload', payload_table(extras.payload)))
+        body.append(section('Payload', tables.payload_table(extras.payload)))
     body += _figures(result, extras)
     body += [
         section('Inertia boxes', paragraph(_BOXES, 'note'), inertia_view(result)),
@@ -329,7 +301,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             paragraph(_PARAMETERS, 'note'),
             paragraph(_only_prior(result), 'note'),
             paragraph(_TRUE_PARAMETERS, 'note') if extras.truth else '',
-            parameter_table(result, extras.truth),
+            tables.parameter_table(result, extras.truth),
         ),
         section(
             'Base parameters',
@@ -337,22 +309,22 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             paragraph(_INTERVALS, 'note'),
             interval_view(result, extras.truth),
             paragraph(_TRUE_BASE, 'note') if extras.truth else '',
-            base_parameter_table(result, extras.truth),
+            tables.base_parameter_table(result, extras.truth),
         ),
         section(
             'Friction',
             paragraph(_FRICTION, 'note'),
-            friction_figure(result).html('friction'),
-            friction_tables(result),
+            figures.friction_figure(result).html('friction'),
+            tables.friction_tables(result),
         ),
         *_energy(extras, robot.joint_names),
         section(
             'Conditioning and excitation',
-            recording_table(extras.facts),
-            conditioning_tables(result),
-            cutoff_figure(result).html('cutoff'),
+            tables.recording_table(extras.facts),
+            tables.conditioning_tables(result),
+            figures.cutoff_figure(result).html('cutoff'),
             paragraph(_EXCITATION, 'note'),
-            excitation_table(result),
+            tables.excitation_table(result),
         ),
     ]
     return page(f'Identification of {robot.model.name}', plotting_script(), body, origin())
@@ -462,7 +434,7 @@ def _energy(extras: ReportExtras, joint_names: Sequence[str]) -> list[Html]:
         return []
     used = '; '.join(f'{name} {text}' for name, text in extras.resistances.items())
     note = paragraph(f'{_ENERGY} Resistances of the phases [Ω]: {used}.', 'note')
-    return [section('Energy', note, energy_table(extras.energy, joint_names))]
+    return [section('Energy', note, tables.energy_table(extras.energy, joint_names))]
 
 
 def _metric(result: IdentificationResult) -> str:
@@ -477,7 +449,9 @@ def _headline(result: IdentificationResult) -> str:
     worst = max(range(len(bags)), key=lambda index: bags[index].filtered)
     found = bags[worst]
     cad_error, drawn_error = (
-        [bag.filtered for part, bag in bags_of(result.solutions[name]) if part == role][worst]
+        [bag.filtered for part, bag in tables.bags_of(result.solutions[name]) if part == role][
+            worst
+        ]
         for name in ('cad', 'cad_friction')
     )
     which = f'{found.bag} ({role})'
@@ -507,18 +481,27 @@ def _only_prior(result: IdentificationResult) -> str:
 
 def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
     parts = []
-    assessments = bags_of(result.recommended)
+    assessments = tables.bags_of(result.recommended)
     columns = [*result.identification, *result.validation]
     for index, ((role, assessment), bag) in enumerate(zip(assessments, columns, strict=True)):
         title = f'{assessment.bag} ({role})'
         predicted = assessment.prediction.filtered
-        cad = bags_of(result.solutions['cad'])[index][1].prediction.filtered
-        desired = extras.desired.get(assessment.bag)
+        cad = tables.bags_of(result.solutions['cad'])[index][1].prediction.filtered
+        tau = bag.samples.tau
+        torques = [
+            figures.Curve(tau, 'measured, filtered', 'measured'),
+            figures.Curve(cad, 'predicted, CAD', 'reference', 'dot'),
+            figures.Curve(predicted, 'predicted, sdp', 'predicted'),
+        ]
+        left = [figures.Curve(tau - predicted, 'residual of sdp', 'residual')]
+        velocities = figures.velocity_curves(bag, extras.desired.get(assessment.bag))
+        over_time = partial(figures.time_figure, result, bag)
+        spectrum = figures.spectrum_figure(result, bag, predicted)
         for what, name, figure in (
-            ('measured and predicted torque', 'tau', torque_figure(result, bag, predicted, cad)),
-            ('residual over time', 'residual', residual_figure(result, bag, predicted)),
-            ('spectrum of the residual', 'spectrum', spectrum_figure(result, bag, predicted)),
-            ('velocities', 'dq', velocity_figure(result, bag, desired)),
+            ('measured and predicted torque', 'tau', over_time('Nm', torques)),
+            ('residual over time', 'residual', over_time('Nm', left)),
+            ('spectrum of the residual', 'spectrum', spectrum),
+            ('velocities', 'dq', over_time('rad/s', velocities)),
         ):
             parts.append(section(f'{title}: {what}', figure.html(f'{name}-{index}')))
     return parts
@@ -580,11 +563,5 @@ def _figure(changes: tuple[EstimateChange, ...], identifier: str) -> Html:
         'y': [_short(c.name) for c in changes],
         'marker': {'color': ['#b3261e' if c.is_clear else '#a9bdd6' for c in changes]},
     }
-    layout = {
-        'height': _ROW * len(changes) + 90,
-        'margin': {'l': 260, 'r': 15, 't': 10, 'b': 45},
-        'template': 'none',
-        'xaxis': {'title': {'text': 'difference in standard deviations'}},
-        'yaxis': {'autorange': 'reversed', 'tickfont': {'size': 11}, 'type': 'category'},
-    }
+    layout = _bar_layout(len(changes), 'difference in standard deviations')
     return figure_html(identifier, [trace], layout)

@@ -1,15 +1,27 @@
 """Figures of the identification report."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
+from aerarm_ros.identification.joint_model import NOT_FRICTION, JointTerm
 from aerarm_ros.identification.recording.recording import DesiredVelocity
 from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.plots import MOST_POINTS, StackedFigure
 
 _SEGMENTS = 4  # number of disjoint segments in a motion
+
+
+class Curve(NamedTuple):
+    """Values (M, n), name, and style of a curve over time."""
+
+    values: Array
+    name: str
+    role: str
+    dash: str = 'solid'
 
 
 def amplitude_density(values: Array, dt: float) -> tuple[Array, Array]:
@@ -38,7 +50,6 @@ def amplitude_density(values: Array, dt: float) -> tuple[Array, Array]:
     return np.asarray(frequency), np.asarray(np.sqrt(power))
 
 
-_NO_FRICTION = (TermKind.ROTOR, *COUPLED)
 _CURVE = 201  # number of points of a friction curve, odd because dry friction jumps in the middle
 _CLOUD_SIZE = 600  # number of measured points in the background
 # Number of points of all bags together, and smallest number per bag; the figures of a dozen bags
@@ -52,29 +63,21 @@ def points(result: IdentificationResult) -> int:
     return max(_FEWEST, min(MOST_POINTS, _POINTS // bags))
 
 
-def torque_figure(
-    result: IdentificationResult, bag: SampleColumns, predicted: Array, cad: Array
+def time_figure(
+    result: IdentificationResult, bag: SampleColumns, unit: str, curves: Sequence[Curve]
 ) -> StackedFigure:
-    """Return a figure of measured and predicted torque over time, both low-pass filtered."""
-    figure = StackedFigure(result.robot.joint_names, 'Nm', most=points(result))
-    samples, kept = bag.samples, bag.samples.kept
-    time = samples.time[kept]
-    for joint in range(result.robot.n):
-        figure.add(joint, time, samples.tau[kept, joint], 'measured, filtered', 'measured')
-        figure.add(joint, time, cad[kept, joint], 'predicted, CAD', 'reference', 'dot')
-        figure.add(joint, time, predicted[kept, joint], 'predicted, sdp', 'predicted')
-    return figure
+    """Return a figure of curves over the time of a bag.
 
-
-def residual_figure(
-    result: IdentificationResult, bag: SampleColumns, predicted: Array
-) -> StackedFigure:
-    """Return a figure of measured minus predicted torque over time."""
-    figure = StackedFigure(result.robot.joint_names, 'Nm', most=points(result))
-    samples, kept = bag.samples, bag.samples.kept
+    Parameters
+    ----------
+    curves : sequence of Curve
+        Curves with values (M, n) at all samples of the bag.
+    """
+    figure = StackedFigure(result.robot.joint_names, unit, most=points(result))
+    kept = bag.samples.kept
     for joint in range(result.robot.n):
-        left = samples.tau[kept, joint] - predicted[kept, joint]
-        figure.add(joint, samples.time[kept], left, 'residual of sdp', 'residual')
+        for values, name, role, dash in curves:
+            figure.add(joint, bag.samples.time[kept], values[kept, joint], name, role, dash)
     return figure
 
 
@@ -100,19 +103,13 @@ def spectrum_figure(
     return figure
 
 
-def velocity_figure(
-    result: IdentificationResult, bag: SampleColumns, desired: DesiredVelocity | None
-) -> StackedFigure:
-    """Return a figure of measured and, if known, commanded velocity over time."""
-    figure = StackedFigure(result.robot.joint_names, 'rad/s', most=points(result))
-    samples, kept = bag.samples, bag.samples.kept
-    time = samples.time[kept]
-    for joint in range(result.robot.n):
-        figure.add(joint, time, samples.dq[kept, joint], 'measured', 'measured')
-        if desired is not None:
-            wanted = np.interp(time, desired.time, desired.dq[:, joint])
-            figure.add(joint, time, wanted, 'desired', 'predicted')
-    return figure
+def velocity_curves(bag: SampleColumns, desired: DesiredVelocity | None) -> list[Curve]:
+    """Return curves of measured and, if known, commanded velocity."""
+    curves = [Curve(bag.samples.dq, 'measured', 'measured')]
+    if desired is not None:
+        columns = [np.interp(bag.samples.time, desired.time, column) for column in desired.dq.T]
+        curves.append(Curve(np.column_stack(columns), 'desired', 'predicted'))
+    return curves
 
 
 def friction_figure(result: IdentificationResult) -> StackedFigure:
@@ -129,7 +126,7 @@ def friction_figure(result: IdentificationResult) -> StackedFigure:
         own = [
             (term, float(value))
             for (j, term), value in zip(model.joint_columns, values, strict=True)
-            if j == joint and term.kind not in _NO_FRICTION
+            if j == joint and term.kind not in NOT_FRICTION
         ]
         dq, torque, load = _measured_friction(result, joint, own, inertial)
         if len(dq):  # empty for a joint at rest or with constant effort

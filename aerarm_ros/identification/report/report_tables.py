@@ -21,15 +21,15 @@ if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
     from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
+_ERRORS = ('filtered', 'measured filtered', 'raw')
 _LEAST_SHARE = 0.1  # fraction of the mean square of a joint's residual
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
 
 def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
     """Return the torque errors of each bag, with the bag's role (identification or validation)."""
-    return [('identification', bag) for bag in solution.identification] + [
-        ('validation', bag) for bag in solution.validation
-    ]
+    roles = ('identification', 'validation')
+    return [(role, bag) for role in roles for bag in getattr(solution, role)]
 
 
 def error_table(result: IdentificationResult) -> Html:
@@ -69,11 +69,8 @@ def joint_error_table(result: IdentificationResult) -> Html:
     rows: list[list[object]] = []
     for name, solution in result.solutions.items():
         for role, bag in bags_of(solution):
-            for kind, values in (
-                ('filtered', bag.per_joint_filtered),
-                ('measured filtered', bag.per_joint_filtered_measured),
-                ('raw', bag.per_joint_raw),
-            ):
+            errors = bag.per_joint_filtered, bag.per_joint_filtered_measured, bag.per_joint_raw
+            for kind, values in zip(_ERRORS, errors, strict=True):
                 row: list[object] = [bag.bag, role, name, kind, *map(float, values)]
                 is_shown = name == 'sdp' and kind != 'measured filtered'
                 (shown if is_shown or (name, kind) == ('cad', 'filtered') else rows).append(row)
@@ -131,11 +128,7 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
     base = result.used_base
     solutions = result.solutions
     columns = {name: base.values(solutions[name].estimate.theta) for name in ('cad', 'ols', 'sdp')}
-    std = result.base_deviations
-    prior = np.sqrt(
-        result.fit.prior.std[base.independent] ** 2
-        + base.combination**2 @ result.fit.prior.std[base.dependent] ** 2
-    )
+    std, prior = result.base_deviations, result.base_prior_deviations
     headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation', 'excitation']
     if truth:
         headings += [
@@ -159,9 +152,12 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
 def conditioning_tables(result: IdentificationResult) -> Html:
     """Return tables of the motion and of the filters of the conditioning."""
     conditioner = result.conditioner
+    period = 'not periodic'
+    if conditioner.fundamental is not None:
+        period = f'f0 = {conditioner.fundamental:.4g} Hz, {conditioner.harmonics} harmonics'
     facts: list[list[object]] = [
         ['samples', str(result.samples)],
-        ['period', _period(result)],
+        ['period', period],
         ['motion is below', f'{conditioner.band:.3g} Hz'],
         ['torque low-pass', f'{conditioner.cutoff:.3g} Hz, zero phase'],
         ['kinematics', result.filter_choice.kinematics.label],
@@ -197,13 +193,6 @@ def _count(value: int | None) -> Html:
     return Html('not recorded' if value is None else str(value))
 
 
-def _period(result: IdentificationResult) -> str:
-    conditioner = result.conditioner
-    if conditioner.fundamental is None:
-        return 'not periodic'
-    return f'f0 = {conditioner.fundamental:.4g} Hz, {conditioner.harmonics} harmonics'
-
-
 def _gravity(result: IdentificationResult) -> str:
     found = result.gravity
     if found is None:
@@ -219,18 +208,18 @@ def _gravity(result: IdentificationResult) -> str:
 
 def _delays(result: IdentificationResult) -> str:
     names, used = result.robot.joint_names, result.conditioner.delays
-    known = [''] * len(names)
-    certain = (
-        known if result.delay is None else [f' ± {1e3 * d:.1f}' for d in result.delay.deviation]
-    )
-    parts = []
-    for word, values, more in (
-        ('velocities', used.velocity, known),
-        ('efforts', used.effort, certain),
-    ):
-        rows = zip(names, values, more, strict=True)
-        late = [f'{name} {1e3 * v:.1f}{std} ms' for name, v, std in rows if v]
-        parts += [f'{word} are late: {", ".join(late)}'] if late else []
+    deviation = np.full(len(names), np.nan) if result.delay is None else result.delay.deviation
+    late = {
+        'velocities': [
+            f'{n} {1e3 * v:.1f} ms' for n, v in zip(names, used.velocity, strict=True) if v
+        ],
+        'efforts': [
+            f'{n} {1e3 * v:.1f} ± {1e3 * d:.1f} ms'
+            for n, v, d in zip(names, used.effort, deviation, strict=True)
+            if v
+        ],
+    }
+    parts = (f'{word} are late: {", ".join(texts)}' for word, texts in late.items() if texts)
     return '; '.join(parts) or 'none'
 
 
@@ -295,34 +284,22 @@ def friction_tables(result: IdentificationResult) -> Html:
     ]
     best = [i for i, trial in enumerate(result.comparisons) if trial.chosen]
     headings = ['joint', 'terms tried', 'held-out squared error, relative']
-    return Html(
-        chosen
-        + folded(
-            'Comparison by cross-validation within the identification bags',
-            paragraph(
-                'Each fifth of the motion was predicted from the other four. Bold: terms chosen '
-                'in the step.',
-                'note',
-            ),
-            table(headings, tried, best),
-        )
+    title = 'Comparison by cross-validation within the identification bags'
+    text = (
+        'Each fifth of the motion was predicted from the other four. Bold: terms chosen in the '
+        'step.'
     )
+    return Html(chosen + folded(title, paragraph(text, 'note'), table(headings, tried, best)))
 
 
 def rollout_table(result: IdentificationResult) -> Html:
     """Return the table of position errors of the simulated arms."""
     headings: list[object] = ['bag', 'solver', 'windows', 'error [%]']
     headings += [f'{name} [mrad]' for name in result.robot.joint_names]
-    rows: list[list[object]] = [
-        [
-            e.bag,
-            e.solver,
-            f'{e.windows} of {e.seconds:.2g} s',
-            e.total,
-            *map(float, 1e3 * e.per_joint),
-        ]
-        for e in result.rollouts
-    ]
+    rows: list[list[object]] = []
+    for e in result.rollouts:
+        windows = f'{e.windows} of {e.seconds:.2g} s'
+        rows.append([e.bag, e.solver, windows, e.total, *map(float, 1e3 * e.per_joint)])
     best = [i for i, e in enumerate(result.rollouts) if e.solver == 'sdp']
     return table(headings, rows, best)
 

@@ -61,11 +61,6 @@ class PhysicalLimits:
         """Lower and upper bound (2,) of the total mass of all links [kg], thesis (3.13)."""
         if self.bounds.total_mass is not None:
             return np.array(self.bounds.total_mass)
-        return self.total_of_links
-
-    @property
-    def total_of_links(self) -> Array:
-        """Sums of the smallest and of the largest allowed masses of all links, (2,) [kg]."""
         return np.asarray(self.mass.sum() * np.array([1.0 / self.mass_factor, self.mass_factor]))
 
 

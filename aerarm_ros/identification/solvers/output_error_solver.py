@@ -1,6 +1,7 @@
 """Solver that fits joint coefficients so that simulated positions match measured positions."""
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.joint_model import JointModel
@@ -91,9 +92,6 @@ class _Trial:
 
     def step(self, weight: Array, start: Array, std: Array, least: Array) -> Array:
         """Return a Gauss-Newton step (k,) of the parameters, from all parts of the motion."""
-        # Local import, because the import is slow and few users need this solver.
-        from scipy.optimize import lsq_linear
-
         values, first = self.theta[-len(std) :], start[-len(std) :]
         rows = (self.slopes * weight[:, None]).reshape(-1, len(std))
         system = np.vstack([rows, np.diag(1.0 / std)])

@@ -1,61 +1,18 @@
 """Physically consistent least squares as a semidefinite program, thesis (3.11) with an LMI."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
+from scipy.sparse import csc_matrix
 
 from aerarm_ros.identification.arm_parameters import LinkBounds
-from aerarm_ros.identification.errors import IdentificationError, SolverError
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD, Prior
 from aerarm_ros.identification.regression.regression import TriangularSystem
 from aerarm_ros.identification.solvers.estimate import LARGEST_LOAD_FRICTION, PhysicalLimits
 from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
 from aerarm_ros.motion.signals import Array
-
-
-@dataclass(frozen=True, eq=False)
-class CompressedColumns:
-    """Sparse matrix in the form of compressed columns (CSC), which Clarabel requires.
-
-    Clarabel reads the attributes below, which equal those of `scipy.sparse.csc_matrix`; importing
-    SciPy's class would take longer than solving the problem.
-
-    Attributes
-    ----------
-    data : (nnz,) ndarray
-        Nonzero entries, column by column.
-    indices : (nnz,) ndarray of int
-        Row numbers, increasing in each column.
-    indptr : (columns + 1,) ndarray of int
-        Index of the first entry of each column.
-    has_canonical_format : bool
-        Whether rows are sorted without duplicates.
-    """
-
-    data: Array
-    indices: npt.NDArray[np.int64]
-    indptr: npt.NDArray[np.int64]
-    shape: tuple[int, int]
-    has_canonical_format: bool = True
-
-    @classmethod
-    def of(cls, dense: Array) -> 'CompressedColumns':
-        """Return the sparse form of a dense matrix."""
-        columns, rows = np.nonzero(dense.T)
-        counts = np.bincount(columns, minlength=dense.shape[1])
-        return cls(
-            data=np.ascontiguousarray(dense[rows, columns], dtype=float),
-            indices=rows.astype(np.int64),
-            indptr=np.concatenate(([0], np.cumsum(counts))).astype(np.int64),
-            shape=(dense.shape[0], dense.shape[1]),
-        )
-
-    @property
-    def nnz(self) -> int:
-        """Number of nonzero entries."""
-        return len(self.data)
 
 
 class ConeProgram:
@@ -100,7 +57,7 @@ class ConeProgram:
 
         Raises
         ------
-        SolverError
+        IdentificationError
             If no solution exists, or none was found.
         """
         import clarabel
@@ -111,16 +68,19 @@ class ConeProgram:
             settings.max_threads = 1  # one thread, for reproducible results
         cones = [(getattr(clarabel, name), dimension) for name, dimension in self._cones]
         solver = clarabel.DefaultSolver(
-            CompressedColumns.of(np.diag(quadratic)),
+            csc_matrix(np.diag(quadratic)),
             linear,
-            CompressedColumns.of(np.vstack(self._rows)),
+            csc_matrix(np.vstack(self._rows)),
             np.concatenate(self._offsets),
             [cone() if dimension is None else cone(dimension) for cone, dimension in cones],
             settings,
         )
         solution = solver.solve()
         if str(solution.status) not in ('Solved', 'AlmostSolved'):
-            raise SolverError(str(solution.status))
+            raise IdentificationError(
+                f'the semidefinite program ended with {solution.status}: check that masses and '
+                'inertias of the URDF are plausible'
+            )
         return np.asarray(solution.x)
 
 
@@ -161,14 +121,7 @@ class PhysicalProgram(ConeProgram):
         self._limits = limits
         equations = np.hstack([system.R * prior.std, np.eye(self.count)])
         self.add('ZeroConeT', equations, system.z - system.R @ prior.mean)
-        linear = [_mass_bounds(prior, limits), _sign_bounds(prior, limits)]
-        if limits.load is not None and limits.load.any():
-            linear.append(_load_bounds(prior, limits, limits.load))
-        if limits.bounds.total_mass is not None:
-            linear.append(_total_mass_bounds(prior, limits))
-        if limits.bounds.centres:
-            linear.append(_centre_bounds(prior, limits))
-        for rows, offsets in linear:
+        for rows, offsets in _linear_bounds(prior, limits):
             self.add('NonnegativeConeT', -rows, offsets)
 
     def scaled_pseudo_inertia(self, link: int) -> tuple[Array, Array]:
@@ -216,57 +169,30 @@ class PhysicalProgram(ConeProgram):
         return np.asarray(theta)
 
 
-def _mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0: each mass is within a factor of its CAD value."""
-    n = len(limits.mass)
-    rows, offsets = np.zeros((2, n, len(prior.mean))), np.empty((2, n))
-    links, masses = np.arange(n), 10 * np.arange(n)
-    for side, sign, factor in ((0, 1.0, 1.0 / limits.mass_factor), (1, -1.0, limits.mass_factor)):
-        rows[side, links, masses] = sign * prior.std[masses] / limits.mass
-        offsets[side] = sign * (prior.mean[masses] / limits.mass - factor)
-    return rows.reshape(2 * n, -1), offsets.ravel()
-
-
-def _total_mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0: the total mass is in its range, thesis (3.13)."""
-    masses, unit = 10 * np.arange(len(limits.mass)), limits.mass.sum()
-    row = np.zeros(len(prior.mean))
-    row[masses] = prior.std[masses] / unit
-    low, high = limits.total_mass / unit
-    total = prior.mean[masses].sum() / unit
-    return np.array([row, -row]), np.array([total - low, high - total])
-
-
-def _centre_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0: centres of mass are in their boxes, thesis (3.12)."""
-    rows, offsets = [], []
-    for sign, box in zip((1.0, -1.0), limits.centre_box, strict=True):
-        for link, corner in enumerate(box):
-            for axis in range(3):
-                row = np.zeros(len(prior.mean))
-                row[10 * link + 1 + axis], row[10 * link] = sign, -sign * corner[axis]
-                row /= limits.mass[link] * limits.size[link]
-                rows.append(row * prior.std)
-                offsets.append(float(row @ prior.mean))
-    return np.array(rows), np.array(offsets)
-
-
-def _sign_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0: friction and rotor inertia are non-negative."""
-    index = 10 * len(limits.mass) + np.flatnonzero(limits.nonnegative)
-    rows = np.zeros((len(index), len(prior.mean)))
-    rows[np.arange(len(index)), index] = 1.0
-    return rows, prior.mean[index] / prior.std[index]
-
-
-def _load_bounds(
-    prior: Prior, limits: PhysicalLimits, load: npt.NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0: no gear loses more torque than it transmits."""
-    index = 10 * len(limits.mass) + np.flatnonzero(load)
-    rows = np.zeros((len(index), len(prior.mean)))
-    rows[np.arange(len(index)), index] = -prior.std[index]
-    return rows, LARGEST_LOAD_FRICTION - prior.mean[index]
+def _linear_bounds(prior: Prior, limits: PhysicalLimits) -> Iterator[tuple[Array, Array]]:
+    """Yield pairs G, h of the constraints G x + h >= 0."""
+    mean, unit, n = prior.mean, np.diag(prior.std), len(limits.mass)
+    # Each mass is within a factor of its CAD value.
+    masses, factor = slice(0, 10 * n, 10), limits.mass_factor
+    relative, ratio = unit[masses] / limits.mass[:, None], mean[masses] / limits.mass
+    yield np.vstack([relative, -relative]), np.concatenate([ratio - 1.0 / factor, factor - ratio])
+    # Friction and rotor inertia are non-negative, and no gear loses more torque than it transmits.
+    signed = 10 * n + np.flatnonzero(limits.nonnegative)
+    yield np.eye(len(mean))[signed], mean[signed] / prior.std[signed]
+    if limits.load is not None:
+        load = 10 * n + np.flatnonzero(limits.load)
+        yield -unit[load], LARGEST_LOAD_FRICTION - mean[load]
+    if limits.bounds.total_mass is not None:  # thesis (3.13)
+        whole = limits.mass.sum()
+        row, total = unit[masses].sum(axis=0) / whole, mean[masses].sum() / whole
+        low, high = limits.total_mass / whole
+        yield np.array([row, -row]), np.array([total - low, high - total])
+    if limits.bounds.centres:  # thesis (3.12)
+        links = np.eye(len(mean))[: 10 * n].reshape(n, 10, -1)
+        low, high = (links[:, 1:4] - box[..., None] * links[:, :1] for box in limits.centre_box)
+        inside = np.array([low, -high]) / (limits.mass * limits.size)[:, None, None]
+        rows = inside.reshape(6 * n, -1)
+        yield rows * prior.std, rows @ mean
 
 
 # Smallest allowed eigenvalue of the pseudo-inertia relative to the link's mass and size. The solver
@@ -336,66 +262,30 @@ def solve_relaxed(
     IdentificationError
         If no solution exists even without the user's bounds.
     """
-    failures: dict[LinkBounds, IdentificationError] = {}
-    for bounds in _relaxations(limits):
-        try:
-            theta = solve(system, prior, replace(limits, bounds=bounds))
-        except IdentificationError as error:
-            failures[bounds] = error
-            if bounds == LinkBounds():
-                raise
-        else:
-            return theta, _notes(limits, bounds, failures)
-    raise AssertionError(
-        'the semidefinite program without bounds on the links must have a solution'
+    wanted = limits.bounds
+    tried = dict.fromkeys(
+        LinkBounds(total, centres)
+        for total in (wanted.total_mass, None)
+        for centres in (wanted.centres, False)
     )
-
-
-def _relaxations(limits: PhysicalLimits) -> Iterator[LinkBounds]:
-    """Yield sets of bounds to try, from all requested bounds to none."""
-    wanted = limits.bounds
-    totals = [None] if wanted.total_mass is None else [wanted.total_mass, None]
-    if not _total_within_masses(limits):
-        totals = [None]
-    for total in totals:
-        for centres in (True, False) if wanted.centres else (False,):
-            yield LinkBounds(total, centres)
-
-
-def _total_within_masses(limits: PhysicalLimits) -> bool:
-    """Return whether the mass bounds of the links allow the total mass; needs no solver."""
-    lightest, heaviest = limits.total_of_links
-    return bool(limits.total_mass[0] <= heaviest and limits.total_mass[1] >= lightest)
-
-
-def _notes(
-    limits: PhysicalLimits, kept: LinkBounds, failures: Mapping[LinkBounds, IdentificationError]
-) -> tuple[str, ...]:
-    wanted = limits.bounds
+    for kept in tried:
+        try:
+            theta = solve(system, prior, replace(limits, bounds=kept))
+            break
+        except IdentificationError:
+            if kept == LinkBounds():
+                raise
     notes = []
+    reason = 'bound ignored, because no solution was found that satisfies this bound'
     if wanted.centres and not kept.centres:
-        failure = failures.get(replace(kept, centres=True))
-        notes.append(_note('the bounds of the centres of mass', failure))
+        notes.append(f'{reason}: the bounds of the centres of mass')
     if wanted.total_mass is not None and kept.total_mass is None:
         low, high = wanted.total_mass
-        context = (
-            f' with masses within a factor {limits.mass_factor:g} of the URDF (together '
-            f'{limits.mass.sum():.4g} kg)'
+        notes.append(
+            f'{reason} with masses within a factor {limits.mass_factor:g} of the URDF (together '
+            f'{limits.mass.sum():.4g} kg): the total mass {low:g} .. {high:g} kg'
         )
-        failure = failures.get(LinkBounds(wanted.total_mass))
-        notes.append(_note(f'the total mass {low:g} .. {high:g} kg', failure, context))
-    return tuple(notes)
-
-
-def _note(bound: str, failure: IdentificationError | None, context: str = '') -> str:
-    """Return why a bound was dropped; `failure` is None if no solver call was needed."""
-    if failure is None or (isinstance(failure, SolverError) and failure.contradiction):
-        return f'bound ignored, because this bound cannot be met{context}: {bound}'
-    status = failure.status if isinstance(failure, SolverError) else 'inaccurate'
-    return (
-        f'bound ignored, because the solver failed ({status}) with this bound, which may be '
-        f'feasible: {bound}'
-    )
+    return theta, tuple(notes)
 
 
 _FLAT = 1e-6  # eigenvalue of a scaled pseudo-inertia below which the body has no volume

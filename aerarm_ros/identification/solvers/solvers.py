@@ -17,7 +17,13 @@ from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.identification.rollout import RolloutWindows, simulated_model
 from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
 from aerarm_ros.identification.solvers.least_squares_solver import solve_huber, solve_least_squares
+from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
 from aerarm_ros.identification.solvers.semidefinite_solver import solve_entropic, solve_relaxed
+from aerarm_ros.identification.solvers.thesis_solvers import (
+    ThesisProblem,
+    solve_annealing,
+    solve_slsqp,
+)
 from aerarm_ros.motion.signals import Array
 
 RECOMMENDED = 'sdp'
@@ -114,8 +120,8 @@ def _solvers(
         'ols': lambda: (solve_least_squares(regression, prior.mean), ()),
         'wls': lambda: (solve_least_squares(regression, prior.mean, weights), ()),
         'huber': lambda: solve_huber(fit, bags, limits),
-        'slsqp': lambda: _thesis(fit, limits, 'solve_slsqp'),
-        'annealing': lambda: _thesis(fit, limits, 'solve_annealing'),
+        'slsqp': lambda: (solve_slsqp(ThesisProblem.of(fit, limits)), ()),
+        'annealing': lambda: (solve_annealing(ThesisProblem.of(fit, limits)), ()),
         'entropic': lambda: solve_relaxed(
             regression.system(weights), prior, limits, solve_entropic
         ),
@@ -146,19 +152,10 @@ def _output_error(
 ) -> tuple[Array, tuple[str, ...]]:
     if windows is None:
         raise IdentificationError('the solver output_error needs windows of the motion to simulate')
-    from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
-
     weights = fit.noise.weights
     start, notes = solve_relaxed(fit.regression.system(weights), fit.prior, limits)
     std = np.sqrt(np.diag(fit.covariance)[10 * fit.model.n :])
     return solve_output_error(fit.model, windows, start, std), notes
-
-
-def _thesis(fit: ModelFit, limits: PhysicalLimits, solver: str) -> tuple[Array, tuple[str, ...]]:
-    from aerarm_ros.identification.solvers import thesis_solvers
-
-    problem = thesis_solvers.ThesisProblem.of(fit, limits)
-    return getattr(thesis_solvers, solver)(problem), ()
 
 
 def physical_limits(

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize
 
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import TriangularSystem
@@ -183,8 +184,6 @@ def solve_slsqp(problem: ThesisProblem, seed: int = 0) -> Array:
 
 def _local(problem: ThesisProblem, start: Array) -> Array:
     """Return a local solution; the search uses parameters scaled by their typical magnitudes."""
-    from scipy.optimize import minimize
-
     scale, links = problem.scale, 10 * problem.n
     lower, upper = problem.bounds()
 

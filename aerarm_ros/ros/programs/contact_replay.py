@@ -6,7 +6,7 @@ import argparse
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,11 +19,12 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.motion.signals import ArmState, Array
+from aerarm_ros.motion.signals import Array
 from aerarm_ros.online.contact_detector import Cause, ContactDetector, ContactEvent, with_rest_share
 from aerarm_ros.online.contact_place import ContactLocator, ContactPlace
 from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
 from aerarm_ros.online.information_filter import ball
+from aerarm_ros.online.replay import recorded_states
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 from aerarm_ros.ros.controllers.contact_parameters import (
@@ -223,7 +224,7 @@ class ContactReplay:
             learnt = with_rest_share(
                 bound,
                 lambda: ExternalTorque(self._arm, gain),
-                partial(_states, recording),
+                partial(recorded_states, recording),
                 contact_settings(self._options),
             )
             bound = max(bound, learnt, key=lambda one: one.rest_share)
@@ -288,14 +289,6 @@ def _body(given: Sequence[float] | None) -> Array | None:
     return ball(mass, centre, _PAYLOAD_RADIUS)
 
 
-def _states(recording: Recording) -> Iterator[tuple[float, ArmState]]:
-    """Yield the time [s] and the arm's state of each sample of a recording with velocities."""
-    assert recording.dq is not None
-    rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
-    for time, q, dq, tau in rows:
-        yield time, ArmState(q, dq, tau)
-
-
 def search(
     recording: Recording,
     detector: ContactDetector,
@@ -309,18 +302,11 @@ def search(
     IdentificationError
         If the recording has no velocities.
     """
-    if recording.dq is None:
-        raise IdentificationError(
-            f'the recording {recording.name} contains no joint velocities, which the momentum '
-            'observer needs: record positions and velocities'
-        )
     problems: dict[str, list[tuple[float, float]]] = {}
     known: dict[str, str] = {}
     torque = np.zeros_like(recording.q)
     threshold = np.full_like(recording.q, np.nan)
-    for row, (time, state) in enumerate(_states(recording)):
-        if row % 1000 == 0 and is_stopped():
-            raise KeyboardInterrupt
+    for row, (time, state) in enumerate(recorded_states(recording, is_stopped)):
         report = detector.update(state, time)
         if report is not None:
             torque[row], threshold[row] = report.torque, report.threshold

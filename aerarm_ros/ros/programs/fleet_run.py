@@ -107,7 +107,7 @@ def _errors(name: str, assessed: list[BagAssessment]) -> Row:
 def _verdict(result: IdentificationResult, settings: argparse.Namespace) -> bool | None:
     if not settings.verify:
         return None
-    return judge(result, read_limits(settings.verify)).passed
+    return all(check.passed for check in judge(result, read_limits(settings.verify)))
 
 
 def _date(start: float) -> str | None:

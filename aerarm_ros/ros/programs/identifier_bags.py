@@ -27,7 +27,12 @@ from aerarm_ros.identification.recording.recording import (
     recording_from_states,
     running_span,
 )
-from aerarm_ros.identification.recording.table_file import TABLES, TableOptions, read_table
+from aerarm_ros.identification.recording.table_file import (
+    TABLES,
+    TableOptions,
+    TableStates,
+    read_table,
+)
 
 _COMMAND, _MODE, _DIAGNOSTICS = 'joint_command', 'arm_mode', 'diagnostics'
 _MAX_STATES = 2_000_000  # messages per bag, 33 min at 1 kHz, because memory is limited
@@ -125,8 +130,14 @@ class IdentifierBags:
         states = contents.joint_states[self._topic]
         notes += _check_complete(name, self._topic, contents)
         self.messages += notes
+        values = states.position, states.velocity, states.effort
         recording = recording_from_states(
-            name, states, self._joint_names, self._mapping, self._commanded(contents), self._whole
+            name,
+            TableStates(states.names, states.stamp, *values),
+            self._joint_names,
+            self._mapping,
+            self._commanded(contents),
+            self._whole,
         )
         commands = contents.joint_states.get(self._in_namespace(_COMMAND))
         facts = BagFacts(

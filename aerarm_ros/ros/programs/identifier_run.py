@@ -6,7 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,9 +20,9 @@ from aerarm_ros.identification.conditioning.motion_check import ConditioningOpti
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import (
     estimate_yaml,
+    estimated_arm,
     payload_yaml,
     read_estimate,
-    read_gravity,
 )
 from aerarm_ros.identification.files.identified_robot import (
     LoadFriction,
@@ -35,8 +35,8 @@ from aerarm_ros.identification.files.identified_robot import (
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.files.summary import ExportError, export_errors, summarise
 from aerarm_ros.identification.identification_result import (
+    Check,
     IdentificationResult,
-    Verdict,
     bag_energies,
     judge,
     read_limits,
@@ -303,13 +303,13 @@ class IdentifierRun:
         paths: list[Path] = [*options.bag, *options.validation, *options.payload]
         self._arm = RecordedArm(options, paths)
         self._limits = read_limits(options.verify) if options.verify else {}
-        self._verdict: Verdict | None = None
+        self._checks: list[Check] = []
         self._exports: Sequence[ExportError] = ()
 
     @property
     def passed(self) -> bool:
         """Whether the torque errors satisfy the limits given by --verify; True without --verify."""
-        return self._verdict is None or self._verdict.passed
+        return all(check.passed for check in self._checks)
 
     def execute(self) -> str:
         """Identify the arm, write the result folder, and return a table for the terminal.
@@ -333,8 +333,7 @@ class IdentifierRun:
         lines.append(exports_text(self._exports, validation or identification))
         if payload is not None:
             lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
-        if self._verdict is not None:
-            lines.append(self._verdict.text)
+        lines += [check.text for check in self._checks]
         return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
 
     def identified(self) -> tuple[IdentificationResult, float, float]:
@@ -430,9 +429,9 @@ class IdentifierRun:
             result, seconds, extras.truth_errors, payload, extras.facts, extras.exports
         )
         if self._limits:
-            self._verdict = judge(result, self._limits)
-            checks = [asdict(check) for check in self._verdict.checks]
-            summary['verdict'] = {'passed': self._verdict.passed, 'checks': checks}
+            self._checks = judge(result, self._limits)
+            checks = [check._asdict() for check in self._checks]
+            summary['verdict'] = {'passed': self.passed, 'checks': checks}
         directory.write_json(MARKER, summary)
 
     def _extras(self, result: IdentificationResult) -> ReportExtras:
@@ -509,7 +508,7 @@ class PayloadRun(IdentifierRun):
             robot = self._arm.robot
             estimate = read_estimate(options.model, robot)
             if options.gravity is None:
-                robot = robot.with_gravity(read_gravity(options.model, robot))
+                robot = robot.with_gravity(estimated_arm(options.model, robot.gravity_in_base)[1])
             recordings = [self._recording(path) for path in options.payload]
             conditioning = ConditioningOptions(
                 fundamental=options.fundamental,

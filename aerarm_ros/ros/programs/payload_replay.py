@@ -14,7 +14,7 @@ import yaml
 
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.files.estimate_file import payload_yaml, read_estimate, read_gravity
+from aerarm_ros.identification.files.estimate_file import estimated_arm, payload_yaml, read_estimate
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.payload import calibrate_gains
 from aerarm_ros.identification.recording.recording import Recording
@@ -208,7 +208,7 @@ def known_arm(
         return KnownArm(robot, rotors, friction), None
     estimate = read_estimate(options.model, robot)
     if options.gravity is None:
-        robot = robot.with_gravity(read_gravity(options.model, robot))
+        robot = robot.with_gravity(estimated_arm(options.model, robot.gravity_in_base)[1])
     return KnownArm.identified(robot, estimate), estimate
 
 

@@ -17,7 +17,7 @@ def test_changes_of_friction_and_offset_are_named(result, robot) -> None:
     tau = samples.tau.copy()
     tau[:, 1] -= 0.5 * age * np.tanh(samples.dq[:, 1] / 0.02)
     tau[:, 2] += 0.2 * age
-    found = residual_trend(bag.with_samples(replace(samples, tau=tau)), assessed)
+    found = residual_trend(bag.altered(samples=replace(samples, tau=tau)), assessed)
     assert found.friction == pytest.approx([0.0, -0.5, 0.0, 0.0], abs=0.05)
     assert found.offset == pytest.approx([0.0, 0.0, 0.2, 0.0], abs=0.02)
     told = trend_warnings([found], robot.joint_names)
@@ -31,6 +31,6 @@ def test_changes_of_friction_and_offset_are_named(result, robot) -> None:
 def test_a_short_motion_shows_no_trend(result) -> None:
     (bag,), (assessed,) = result.identification, result.recommended.identification
     samples = replace(bag.samples, time=0.1 * bag.samples.time)
-    trend = residual_trend(bag.with_samples(samples), assessed)
+    trend = residual_trend(bag.altered(samples=samples), assessed)
     assert not trend.friction.any()
     assert not trend.offset.any()

@@ -10,7 +10,11 @@ import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.files.estimate_file import estimate_yaml, read_estimate, read_gravity
+from aerarm_ros.identification.files.estimate_file import (
+    estimate_yaml,
+    estimated_arm,
+    read_estimate,
+)
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.joint_model import TermKind
 
@@ -54,13 +58,13 @@ def test_gravity_is_that_of_the_estimate(
     file = tmp_path / 'estimate.yaml'
     tilted = replace(result, robot=robot.with_gravity([0.1, 0.2, 9.7]))
     file.write_text(estimate_yaml(tilted, result.recommended.estimate, NOTHING, NOTHING))
-    assert read_gravity(file, robot) == pytest.approx([0.1, 0.2, 9.7])
+    assert estimated_arm(file)[1] == pytest.approx([0.1, 0.2, 9.7])
     text = file.read_text()
     file.write_text(text.replace('gravity_in_base', 'another_key'))
-    assert np.array_equal(read_gravity(file, robot), robot.gravity_in_base)
+    assert np.array_equal(estimated_arm(file, robot.gravity_in_base)[1], robot.gravity_in_base)
     file.write_text(text.replace('[0.1, 0.2, 9.7]', '[0.1, up]'))
     with pytest.raises(IdentificationError, match='gravity_in_base of .* is not three numbers'):
-        read_gravity(file, robot)
+        estimated_arm(file, robot.gravity_in_base)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +98,7 @@ def test_impossible_distances_are_refused(
     [
         ('joint3', 'elbow', r'has 4 joints \(joint1, joint2, elbow'),
         ('inertial_parameters: [', 'other: [', 'is not an estimate.yaml of an arm with 4 joints'),
-        ('ros__parameters', 'parameters', "'ros__parameters' is missing"),
+        ('ros__parameters', 'parameters', 'is not an estimate.yaml'),
         ('coulomb: [', 'coulomb: [1.0, ', 'a list has a wrong length'),
     ],
 )

@@ -8,7 +8,7 @@ import pytest
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
-from aerarm_ros.identification.model_choice.simple_fit import SharedColumns, SimpleFit
+from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
 from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 
@@ -47,8 +47,8 @@ def test_a_torque_of_a_single_part_is_not_explained_by_the_others(bag: SampleCol
 def test_the_coefficient_of_shared_columns_is_estimated(bag: SampleColumns, cad) -> None:
     samples = bag.samples
     wave = np.sin(7.0 * samples.time)[:, None] * np.array([1.0, 0.0, 2.0, 0.0])
-    shared = SharedColumns(samples.coarse_filter(wave)[:, :, None], np.array([1.0]))
-    added = 0.2 * shared.filtered[:, :, 0]
+    shared = samples.coarse_filter(wave)[:, :, None]
+    added = 0.2 * shared[:, :, 0]
     samples.tau[:] += added
     try:
         fit = SimpleFit([bag], cad, [shared])

@@ -62,7 +62,7 @@ def test_filtering_one_side_only_would_be_wrong(make_arm: Callable, robot: Robot
 
 def test_load_needs_the_links(make_arm: Callable, robot: Robot) -> None:
     bag = columns_of(make_arm(), robot)
-    with pytest.raises(ValueError, match='inertial parameters'):
+    with pytest.raises(ValueError, match='load-dependent friction needs'):
         bag.term(LOAD)
     inertial = robot.inertial_parameters.ravel()
     assert np.allclose(bag.term(LOAD, 2.0 * inertial), 2.0 * bag.term(LOAD, inertial))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.identification.arm_parameters import LinkBounds, inertia_boxes
-from aerarm_ros.identification.errors import IdentificationError, SolverError
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
 from aerarm_ros.identification.solvers.semidefinite_solver import solve_relaxed
@@ -33,7 +33,8 @@ def test_an_impossible_total_mass_is_dropped_and_the_centres_are_kept(
 ) -> None:
     estimate = solve(result, LinkBounds((300.0, 310.0), centres=True))
     (note,) = estimate.notes
-    assert 'cannot be met with masses within a factor 2' in note
+    assert 'no solution was found' in note
+    assert 'with masses within a factor 2' in note
     assert 'total mass 300 .. 310 kg' in note
     alone = solve(result, LinkBounds(centres=True))
     assert alone.notes == ()
@@ -55,29 +56,6 @@ def test_impossible_centres_are_dropped_first(result: IdentificationResult) -> N
     assert 'bounds of the centres of mass' in notes[0]
     masses = theta[: 10 * result.fit.model.n : 10]
     assert total * (1 - 1e-6) <= masses.sum() <= 1.01 * total * (1 + 1e-6)
-
-
-@pytest.mark.parametrize(
-    ('status', 'words'),
-    [
-        ('PrimalInfeasible', ('because this bound cannot be met')),
-        ('NumericalError', r'solver failed'),
-    ],
-)
-def test_a_failure_of_the_solver_is_no_contradiction(
-    result: IdentificationResult, status: str, words: str
-) -> None:
-    """What makes a solver fail depends on its release, so here it is made to."""
-
-    def fails_with_centres(system: object, prior: object, limits: PhysicalLimits) -> np.ndarray:
-        if limits.bounds.centres:
-            raise SolverError(status)
-        return np.zeros(1)
-
-    limits = physical_limits(result.fit, result.cad, LinkBounds(centres=True))
-    system, prior = result.fit.regression.system(), result.fit.prior
-    (note,) = solve_relaxed(system, prior, limits, fails_with_centres)[1]
-    assert words in note
 
 
 @pytest.mark.parametrize('masses', [(2.0, 1.0), (-1.0, 1.0), (0.0, float('nan'))])
