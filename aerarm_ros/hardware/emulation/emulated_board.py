@@ -15,6 +15,7 @@ from aerarm_ros.hardware.emulation.emulated_motor import (
     EmulatedHeat,
     EmulatedMotor,
 )
+from aerarm_ros.hardware.emulation.fault_injection import TEMPERATURE_ERROR
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD, BoardCommand, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, FrameProfile
@@ -122,9 +123,7 @@ class EmulatedSupply:
 
 ENCODER_ERRORS = (1, 6)  # error codes of motor 1 and motor 2
 TIMEOUT_ERROR = 2
-TEMPERATURE_ERROR = 3
 ROLLOVER_ERROR = 5
-DRIVER_ERROR = 7
 
 _ROLLOVER = 128.0 * 2.0 * np.pi  # [rad] end of the position field's range
 _CURRENT_NOISE = 0.02  # [A] standard deviation of the current measurement
