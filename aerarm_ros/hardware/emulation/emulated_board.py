@@ -15,7 +15,6 @@ from aerarm_ros.hardware.emulation.emulated_motor import (
     EmulatedHeat,
     EmulatedMotor,
 )
-from aerarm_ros.hardware.emulation.fault_injection import TEMPERATURE_ERROR
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD, BoardCommand, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, FrameProfile
@@ -166,6 +165,8 @@ class EmulatedBoard:
         Wiring errors of the board; `rewire` notifies the transport of a change.
     """
 
+    TEMPERATURE_ERROR, DRIVER_ERROR = 3, 7
+
     def __init__(
         self,
         profile: FrameProfile,
@@ -265,7 +266,7 @@ class EmulatedBoard:
             self._squares[i] = 0.0
             power += motor.power
             if motor.heat.copper > CRITICAL:
-                self.raise_error(TEMPERATURE_ERROR)
+                self.raise_error(self.TEMPERATURE_ERROR)
         self.supply.step(power, duration)
         self._steps = 0
 

@@ -123,9 +123,6 @@ def _wrong_sign(board: EmulatedBoard, motor: int, _value: float) -> None:
     board.rewire()
 
 
-TEMPERATURE_ERROR, DRIVER_ERROR = 3, 7
-"""Error codes of a board."""
-
 _SHARE_OF_FRAMES = (0.05, 0.0, 1.0)
 
 # The last entry of the table clears all other faults.
@@ -154,7 +151,7 @@ FAULTS: dict[str, Fault] = {
     ),
     'over_temperature': Fault(
         'the board reports a critical temperature',
-        lambda board, _, __: board.raise_error(TEMPERATURE_ERROR),
+        lambda board, _, __: board.raise_error(board.TEMPERATURE_ERROR),
     ),
     'warm_motor': Fault(
         'temperature of winding and housing of a motor [degC]',
@@ -170,7 +167,8 @@ FAULTS: dict[str, Fault] = {
         *(2e-3, 1e-5, 1.0),
     ),
     'driver_error': Fault(
-        'the gate driver reports a fault', lambda board, _, __: board.raise_error(DRIVER_ERROR)
+        'the gate driver reports a fault',
+        lambda board, _, __: board.raise_error(board.DRIVER_ERROR),
     ),
     'board_timeout': Fault('the board receives no frames', _fault('deaf', lambda _: True)),
     'mute_board': Fault('the board receives frames but sends none', _fault('mute', lambda _: True)),
