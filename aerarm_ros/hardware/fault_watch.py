@@ -61,7 +61,7 @@ def recovery_hint(
         Whether the stop is still latched; False if the motors are off and a zero is unknown.
     hot
         Text on how long to wait before a warm motor may be driven again, '' if no motor is too
-        w
+        warm.
     """
     if not latched:
         return "'arm home'" if emulated else f"{_BY_HAND}, 'arm home'"

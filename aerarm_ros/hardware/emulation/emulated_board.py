@@ -148,7 +148,7 @@ class EmulatedBoard:
     seed
         Seed of measurement noise and random faults.
     heats
-        Thermal models of the two motors; None for motors with nominal data.
+        Thermal models of the two motors; None for nominal data.
     alignment
         Durations and current of the alignment when a motor is enabled.
     zeros
@@ -174,7 +174,7 @@ class EmulatedBoard:
         substep: float,
         *,
         seed: int = 0,
-        heats: Sequence[EmulatedHeat] | None = None,
+        heats: Sequence[EmulatedHeat | None] = (None, None),
         alignment: AlignmentTiming | None = None,
         zeros: Sequence[float | None] = (0.0, 0.0),
         absolute: Sequence[bool] = (False, False),
@@ -194,8 +194,8 @@ class EmulatedBoard:
             EmulatedMotor(motors[i], substep, timing, zeros[i], absolute[i], pulse_offsets[i])
             for i in range(len(motors))
         )
-        for emulated, heat in zip(self.motors, heats or (), strict=False):
-            emulated.heat = heat
+        for emulated, heat in zip(self.motors, heats, strict=True):
+            emulated.heat = heat or emulated.heat
         self._squares = [0.0, 0.0]  # sum of squared currents since the last thermal update [A^2]
         self._steps = 0
         self._substep = substep
