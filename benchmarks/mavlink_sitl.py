@@ -36,8 +36,9 @@ from aerarm_msgs_py import topics
 from aerarm_ros.autopilot import ardupilot_link
 from aerarm_ros.autopilot.ardupilot_flight import ArduPilotFirmware
 from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
+from aerarm_ros.autopilot.firmware_flight import LockstepFirmware
 from aerarm_ros.autopilot.px4 import Px4Gains
-from aerarm_ros.autopilot.px4_flight import LockstepFirmware, Px4Firmware
+from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.px4_link import (
     COMPANION_PORT,
     OFFBOARD_PORT,

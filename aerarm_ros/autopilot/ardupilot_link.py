@@ -7,17 +7,15 @@ to the line's time. So both run in lockstep.
 
 import json
 import select
-import socket
 import struct
 import time
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 
 from aerarm_ros.autopilot.px4 import frd_rotation, ned
-from aerarm_ros.autopilot.px4_link import port_taken
+from aerarm_ros.autopilot.px4_link import firmware_socket
 from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY
 from aerarm_ros.flight.flight_state import FlightState
@@ -29,7 +27,6 @@ SIMULATOR_PORT, COMPANION_PORT, PORT_STEP = 9002, 14550, 10
 The option -I of ArduPilot sets the instance number.
 """
 
-_HOST = '127.0.0.1'
 _MOTORS = struct.Struct('<HHI16H')
 _MAGIC = 18458
 _LOW, _RANGE = 1000.0, 1000.0  # [us]
@@ -66,18 +63,6 @@ def motor_shares(packet: bytes) -> tuple[int, Array] | None:
     return number, np.clip((np.array(pulses) - _LOW) / _RANGE, 0.0, 1.0)
 
 
-class JsonSimulator(Protocol):
-    """Interface of a connection over which this program simulates the drone for ArduPilot."""
-
-    is_lost: bool
-
-    def step(self, lines: Sequence[bytes]) -> Array | None:
-        """Send lines of sensor data; return ArduPilot's answer (16,) to the last line."""
-
-    def close(self) -> None:
-        """Close the connection."""
-
-
 class JsonLink:
     """UDP server that acts as ArduPilot's external simulator (`--model JSON`).
 
@@ -102,12 +87,7 @@ class JsonLink:
         self._number = -1  # of the last motor packet
         self._shares: Array | None = None
         self._autopilot: tuple[str, int] | None = None
-        self._line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            self._line.bind((_HOST, port))
-        except OSError as error:
-            self._line.close()
-            raise ValueError(port_taken('UDP', port, error)) from None
+        self._line = firmware_socket(port)
 
     def step(self, lines: Sequence[bytes]) -> Array | None:
         """Send lines of sensor data; return the thrust fractions (16,), None without an answer.
@@ -135,10 +115,7 @@ class JsonLink:
         while select.select([self._line], [], [], max(deadline - time.monotonic(), 0.0))[0]:
             packet, sender = self._line.recvfrom(_CHUNK)
             motors = motor_shares(packet)
-            is_new = motors is not None and (
-                self._autopilot is None or sender != self._autopilot or motors[0] != self._number
-            )
-            if motors is not None and is_new:
+            if motors is not None and (motors[0], sender) != (self._number, self._autopilot):
                 self._number, self._shares = motors
                 self._autopilot = sender
                 return True

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aerarm_ros.autopilot.ardupilot_loop import ArduPilotLoop
-from aerarm_ros.autopilot.px4_setup import GPS, VISION, check_sensors, checked_hover_share
+from aerarm_ros.autopilot.px4_setup import GPS, VISION, hover_share
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import MassProperties
 
@@ -51,11 +51,6 @@ class ArduPilotSetup:
         One of `px4_setup.SENSORS`.
     others : dict
         Further parameters, by ArduPilot's names, which override all others.
-
-    Raises
-    ------
-    ValueError
-        If the sensors are unknown.
     """
 
     att_p: float = 6.5
@@ -65,10 +60,6 @@ class ArduPilotSetup:
     loop: ArduPilotLoop = ArduPilotLoop()
     sensors: str = VISION
     others: dict[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Check that the position source is known; raises ValueError."""
-        check_sensors(self.sensors)
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
         """Return all ArduCopter parameters for a drone as a mapping from their names.
@@ -80,7 +71,7 @@ class ArduPilotSetup:
             its thrust.
         """
         motors_of(drone)
-        hover = checked_hover_share(drone, body, 'ArduPilot needs 10 to 80 % (MOT_THST_HOVER)')
+        hover = hover_share(drone, body)
         gains = {f'ATC_ANG_{axis}_P': self.att_p for axis in ('RLL', 'PIT')}
         for axis in ('RLL', 'PIT'):
             for term in 'pid':

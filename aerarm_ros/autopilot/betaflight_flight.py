@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, Firmware
+from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, BetaflightLink
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
@@ -198,7 +198,7 @@ class BetaflightFlight:
         self,
         drone: DroneConfig,
         body: MassProperties,
-        firmware: Firmware,
+        firmware: BetaflightLink,
         gains: FlightGains | None = None,
         setup: BetaflightSetup | None = None,
     ) -> None:

@@ -8,10 +8,11 @@ import select
 import socket
 import struct
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
+from aerarm_ros.autopilot.mavlink_line import HOST
+from aerarm_ros.autopilot.px4_link import firmware_socket
 from aerarm_ros.motion.signals import Array
 
 MOTOR_PORT, STATE_PORT, RC_PORT = 9001, 9003, 9004
@@ -70,18 +71,7 @@ def motor_outputs(packet: bytes) -> Array | None:
     return pulses if np.all(np.isfinite(pulses)) else None
 
 
-_HOST = '127.0.0.1'
 _ANSWER = 0.02  # [s] longest wait for an answer on a busy host
-
-
-class Firmware(Protocol):
-    """Interface of the connection to a firmware that receives stick positions."""
-
-    def exchange(
-        self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
-    ) -> Array | None:
-        """Send sticks and drone state; return the latest motor pulses (n,) [us], or None."""
-        ...
 
 
 class BetaflightLink:
@@ -106,25 +96,18 @@ class BetaflightLink:
         self, motor_port: int = MOTOR_PORT, state_port: int = STATE_PORT, rc_port: int = RC_PORT
     ) -> None:
         self._state_port, self._rc_port = state_port, rc_port
+        self._motors = firmware_socket(motor_port)
         self._sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._motors = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._motors.setblocking(False)
-        try:
-            self._motors.bind((_HOST, motor_port))
-        except OSError as error:
-            self.close()
-            raise ValueError(
-                f"UDP port {motor_port} of loops 'betaflight' cannot be opened "
-                f'({error.strerror}): stop the other flight_control or simulator'
-            ) from None
 
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
         """Send sticks and drone state; return the latest motor pulses (n,) [us], or None."""
         late = self._newest()  # the late answer to the previous state, on a busy host
-        self._send(rc_packet(0.0, channels), self._rc_port)
-        self._send(state_packet(0.0, rate, force, rotation_wxyz), self._state_port)
+        state = state_packet(0.0, rate, force, rotation_wxyz)
+        self._sender.sendto(rc_packet(0.0, channels), (HOST, self._rc_port))
+        self._sender.sendto(state, (HOST, self._state_port))
         select.select([self._motors], [], [], _ANSWER)
         answer = self._newest()
         return late if answer is None else answer
@@ -133,9 +116,6 @@ class BetaflightLink:
         """Close the sockets."""
         self._sender.close()
         self._motors.close()
-
-    def _send(self, packet: bytes, port: int) -> None:
-        self._sender.sendto(packet, (_HOST, port))
 
     def _newest(self) -> Array | None:
         newest = None

@@ -6,9 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from aerarm_ros.autopilot.mavlink import Message
-from aerarm_ros.autopilot.mavlink_line import Line
+from aerarm_ros.autopilot.mavlink_line import (
+    ARM,
+    ARMED,
+    COMPANION,
+    CUSTOM_MODE,
+    SET_INTERVAL,
+    SET_MODE,
+    Line,
+    companion_writer,
+)
 from aerarm_ros.autopilot.px4 import ned
-from aerarm_ros.autopilot.px4_link import COMPANION, companion_writer
 from aerarm_ros.control.base.base_motion import (
     attitude_ned_frd_to_enu_flu,
     frd_to_flu,
@@ -21,8 +29,6 @@ LOSS = 1.5  # [s] without a heartbeat
 FRESH = 0.2  # [s]; an older attitude or place is not used
 _AUTOPILOT_COMPONENT = 1
 _HEARTBEAT, _ASK = 1.0, 2.0  # [s] between heartbeats, and between requests of streams
-_ARM, _SET_MODE, _SET_INTERVAL = 400, 176, 511  # MAV_CMD
-_CUSTOM_MODE, _ARMED = 1, 128
 PX4, ARDUPILOT = 'px4', 'ardupilot'
 _FIRMWARES = {3: ARDUPILOT, 12: PX4}  # MAV_AUTOPILOT
 _PX4_MODES = {
@@ -139,7 +145,7 @@ class MavlinkAutopilot:
             for name, number in numbers.items():
                 rate = self._rates.get(name, 0.0)
                 if rate > 0.0 and (is_first or self._age(name, now) > _ASK):
-                    self._command(_SET_INTERVAL, float(number), 1e6 / rate)
+                    self._command(SET_INTERVAL, float(number), 1e6 / rate)
 
     def send(self, name: str, **values: object) -> None:
         """Send a MAVLink message to the autopilot."""
@@ -154,15 +160,15 @@ class MavlinkAutopilot:
 
     def arm(self) -> None:
         """Request that the autopilot arm."""
-        self._request(_ARM, 1.0)
+        self._request(ARM, 1.0)
 
     def disarm(self) -> None:
         """Request that the autopilot disarm; in flight the autopilot denies the request."""
-        self._request(_ARM, 0.0)
+        self._request(ARM, 0.0)
 
     def offboard(self) -> None:
         """Request the mode that follows set points: offboard (PX4) or guided (ArduPilot)."""
-        self._request(_SET_MODE, _CUSTOM_MODE, _LED.get(self.firmware, _LED[PX4]))
+        self._request(SET_MODE, CUSTOM_MODE, _LED.get(self.firmware, _LED[PX4]))
 
     def is_linked(self, now: float) -> bool:
         """Return whether a heartbeat of the autopilot has arrived in the last 1.5 s."""
@@ -171,7 +177,7 @@ class MavlinkAutopilot:
     @property
     def is_armed(self) -> bool:
         """Whether the autopilot reports that it is armed."""
-        return bool(self._base_mode & _ARMED)
+        return bool(self._base_mode & ARMED)
 
     @property
     def firmware(self) -> str:
@@ -257,6 +263,6 @@ class MavlinkAutopilot:
             self.text = message['text']
 
     def _on_answer(self, message: Message, now: float) -> None:
-        if message['command'] in (_ARM, _SET_MODE):
+        if message['command'] in (ARM, SET_MODE):
             result = message['result']
             self.reply = _RESULTS[result] if result < len(_RESULTS) else f'result {result}'

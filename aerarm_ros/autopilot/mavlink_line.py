@@ -6,31 +6,43 @@ import select
 import socket
 import termios
 import tty
-from typing import Protocol
+from abc import ABC, abstractmethod
+from contextlib import suppress
 
-from aerarm_ros.autopilot.mavlink import FrameReader, Message
+from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
 
+COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
+"""Fields of the MAVLink message HEARTBEAT that a companion computer sends."""
+ARM, SET_MODE, SET_INTERVAL = 400, 176, 511
+"""MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE and MAV_CMD_SET_MESSAGE_INTERVAL."""
+CUSTOM_MODE, ARMED = 1, 128
+"""Bits of MAV_MODE_FLAG."""
+
+HOST = '127.0.0.1'
+_SYSTEM, _COMPONENT = 245, 191  # ids of this side: MAV_COMP_ID_ONBOARD_COMPUTER
 _CHUNK = 65536
 _PORTS = 65535
 _UDP, _SERIAL = 'udp', 'serial'
 _FORMS = 'udp:PORT (listen), udp:HOST:PORT (send first) or serial:DEVICE:BAUD'
 
 
-class Line(Protocol):
-    """Interface of a MAVLink connection over UDP or a serial port.
+class Line(ABC):
+    """MAVLink connection over UDP or a serial port.
 
     Attributes
     ----------
     damaged : int
-        Number of frames with a wrong checksum.
+        Number of received frames with a wrong checksum.
     """
+
+    def __init__(self, source: socket.socket | int) -> None:
+        self._source = source
+        self._reader = FrameReader()
 
     @property
     def damaged(self) -> int:
         """Number of received frames with a wrong checksum."""
-
-    def send(self, frame: bytes) -> None:
-        """Send a MAVLink frame; the frame is lost if no receiver is known."""
+        return self._reader.damaged
 
     def messages(self, patience: float = 0.0) -> list[Message]:
         """Return all new messages, after waiting up to `patience` [s] for the first one.
@@ -40,78 +52,79 @@ class Line(Protocol):
         OSError
             If the device is gone.
         """
+        found: list[Message] = []
+        select.select([self._source], [], [], patience)
+        while (data := self._received()) is not None:
+            found += self._reader.feed(data)
+        return found
 
+    @abstractmethod
+    def _received(self) -> bytes | None:
+        """Return received bytes, None if there are no more."""
+
+    @abstractmethod
+    def send(self, frame: bytes) -> None:
+        """Send a MAVLink frame; the frame is lost if no receiver is known."""
+
+    @abstractmethod
     def close(self) -> None:
         """Close the connection."""
 
 
-class UdpLine:
+class UdpLine(Line):
     """MAVLink connection over UDP to a given address, or to the sender of the first message.
 
     Parameters
     ----------
     address : tuple
         Address of the autopilot; None to use the sender of the first datagram.
-    bound : tuple
-        Local address and port.
+    bound : socket
+        Socket from `udp_socket`.
 
     Raises
     ------
     OSError
-        If the port is in use or the host unknown.
+        If the host is unknown.
     """
 
-    def __init__(self, address: tuple[str, int] | None, bound: tuple[str, int]) -> None:
-        self._reader = FrameReader()
-        self._peer = address and (socket.gethostbyname(address[0]), address[1])
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    def __init__(self, address: tuple[str, int] | None, bound: socket.socket) -> None:
+        super().__init__(bound)
+        self._socket = bound
         self._socket.setblocking(False)
-        try:
-            self._socket.bind(bound)
-        except OSError:
-            self._socket.close()
-            raise
-
-    @property
-    def damaged(self) -> int:
-        """Number of received frames with a wrong checksum."""
-        return self._reader.damaged
+        self._peer = address and (socket.gethostbyname(address[0]), address[1])
 
     def send(self, frame: bytes) -> None:
         """Send a MAVLink frame; the frame is lost while the receiver's address is unknown."""
-        if self._peer is None:
-            return
-        try:
-            self._socket.sendto(frame, self._peer)
-        except (ConnectionRefusedError, BlockingIOError):
-            return
+        if self._peer is not None:
+            with suppress(ConnectionRefusedError, BlockingIOError):
+                self._socket.sendto(frame, self._peer)
 
-    def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return new messages of the peer, after waiting up to `patience` [s] for the first."""
-        found: list[Message] = []
-        select.select([self._socket], [], [], patience)
-        while True:
-            try:
-                data, sender = self._socket.recvfrom(_CHUNK)
-            except (BlockingIOError, ConnectionRefusedError):
-                return found
-            if self._peer is None:
-                self._peer = sender
-            if sender == self._peer:
-                found += self._reader.feed(data)
+    def _received(self) -> bytes | None:
+        try:
+            data, sender = self._socket.recvfrom(_CHUNK)
+        except (BlockingIOError, ConnectionRefusedError):
+            return None
+        self._peer = self._peer or sender
+        return data if sender == self._peer else b''
 
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
 
 
-class SerialLine:
-    """MAVLink connection over a serial device with eight data bits and no parity.
+def udp_socket(host: str, port: int) -> socket.socket:
+    """Return a UDP socket that is bound to a local address; raise OSError if the port is in use."""
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        made.bind((host, port))
+    except OSError:
+        made.close()
+        raise
+    return made
 
-    Parameters
-    ----------
-    device : str
-    baud : int
+
+class SerialLine(Line):
+    """MAVLink connection over a serial device with eight data bits and no parity.
 
     Raises
     ------
@@ -128,8 +141,8 @@ class SerialLine:
                 f'{baud} is not a baud rate of this system: use a common one, such as '
                 '57600 or 921600'
             )
-        self._reader = FrameReader()
         self._file = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        super().__init__(self._file)
         try:
             tty.setraw(self._file)
             settings = termios.tcgetattr(self._file)
@@ -141,43 +154,31 @@ class SerialLine:
                 f'{device} is not a serial device ({error.args[-1]}): check its name'
             ) from None
 
-    @property
-    def damaged(self) -> int:
-        """Number of received frames with a wrong checksum."""
-        return self._reader.damaged
-
     def send(self, frame: bytes) -> None:
         """Send a MAVLink frame; bytes that do not fit the device's buffer are lost."""
-        try:
+        with suppress(OSError):  # `messages` reports a missing device
             os.write(self._file, frame)
-        except OSError:
-            return  # `messages` reports a missing device
 
-    def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return all new messages, after waiting up to `patience` [s] for the first one.
-
-        Raises
-        ------
-        OSError
-            If the device is gone.
-        """
-        found: list[Message] = []
-        select.select([self._file], [], [], patience)
-        while True:
-            try:
-                data = os.read(self._file, _CHUNK)
-            except BlockingIOError:
-                return found
-            if not data:
-                raise OSError(errno.EIO, 'the serial device has disappeared')
-            found += self._reader.feed(data)
+    def _received(self) -> bytes | None:
+        try:
+            data = os.read(self._file, _CHUNK)
+        except BlockingIOError:
+            return None
+        if not data:
+            raise OSError(errno.EIO, 'the serial device has disappeared')
+        return data
 
     def close(self) -> None:
         """Close the serial device."""
         os.close(self._file)
 
 
-def open_line(text: str) -> UdpLine | SerialLine:
+def companion_writer() -> FrameWriter:
+    """Return a `FrameWriter` with the MAVLink ids of a companion computer."""
+    return FrameWriter(_SYSTEM, _COMPONENT)
+
+
+def open_line(text: str) -> Line:
     """Open the MAVLink connection that a text such as `udp:14550` specifies.
 
     Parameters
@@ -200,8 +201,8 @@ def open_line(text: str) -> UdpLine | SerialLine:
         if kind == _SERIAL:
             return SerialLine(place, int(number))
         if place in ('', '0.0.0.0'):
-            return UdpLine(None, (place or '127.0.0.1', int(number)))
-        return UdpLine((place, int(number)), ('0.0.0.0', 0))
+            return UdpLine(None, udp_socket(place or HOST, int(number)))
+        return UdpLine((place, int(number)), udp_socket('0.0.0.0', 0))
     except OSError as error:
         reason = getattr(error, 'strerror', None) or str(error)
         raise ValueError(

@@ -10,22 +10,17 @@ import select
 import socket
 import time
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
+from aerarm_ros.autopilot.mavlink import FrameReader
+from aerarm_ros.autopilot.mavlink_line import ARMED, HOST, UdpLine, udp_socket
 from aerarm_ros.motion.signals import Array
 
 SIMULATOR_PORT, COMPANION_PORT, OFFBOARD_PORT = 4560, 14540, 14580
 """TCP port of the simulator, and UDP ports of companion and PX4, for PX4's instance 0."""
 
-_HOST = '127.0.0.1'
-_SYSTEM, _COMPONENT = 245, 191  # ids of this side: MAV_COMP_ID_ONBOARD_COMPUTER
-COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
-"""Fields of the MAVLink message HEARTBEAT that a companion computer sends."""
-
-_ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _CHUNK = 65536
 
 
@@ -40,31 +35,6 @@ class Controls(NamedTuple):
 
     shares: Array
     is_armed: bool
-
-
-class Simulator(Protocol):
-    """Interface of a connection over which this program simulates the drone for PX4."""
-
-    is_lost: bool
-
-    def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
-        """Send sensor frames, with a HIL_SENSOR as the last one; return PX4's answer."""
-
-    def close(self) -> None:
-        """Close the line."""
-
-
-class Companion(Protocol):
-    """Interface of the UDP connection that sends set points and commands to an autopilot."""
-
-    def send(self, frame: bytes) -> None:
-        """Send a frame."""
-
-    def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return all new messages, after waiting up to `patience` [s] for the first one."""
-
-    def close(self) -> None:
-        """Close the line."""
 
 
 class SimulatorLink:
@@ -95,11 +65,11 @@ class SimulatorLink:
         self._door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            self._door.bind((_HOST, port))
+            self._door.bind((HOST, port))
             self._door.listen(1)
         except OSError as error:
             self._door.close()
-            raise ValueError(port_taken('TCP', port, error)) from None
+            raise ValueError(_port_taken('TCP', port, error)) from None
 
     @property
     def damaged(self) -> int:
@@ -147,7 +117,7 @@ class SimulatorLink:
                 return None
             for message in self._reader.feed(data):
                 if message.name == 'HIL_ACTUATOR_CONTROLS' and message['time_usec'] >= time_us:
-                    return Controls(np.array(message['controls']), bool(message['mode'] & _ARMED))
+                    return Controls(np.array(message['controls']), bool(message['mode'] & ARMED))
 
     def _lose(self) -> None:
         self.is_lost = True
@@ -156,7 +126,7 @@ class SimulatorLink:
         self._line = None
 
 
-class CompanionLink:
+class CompanionLink(UdpLine):
     """UDP connection of this program, as companion computer, to an autopilot on this host.
 
     Parameters
@@ -175,50 +145,19 @@ class CompanionLink:
     def __init__(
         self, port: int = COMPANION_PORT, autopilot_port: int | None = OFFBOARD_PORT
     ) -> None:
-        self._reader = FrameReader()
-        self._answers_sender = autopilot_port is None
-        self._autopilot = None if autopilot_port is None else (_HOST, autopilot_port)
-        self._line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._line.setblocking(False)
-        try:
-            self._line.bind((_HOST, port))
-        except OSError as error:
-            self._line.close()
-            raise ValueError(port_taken('UDP', port, error)) from None
-
-    def send(self, frame: bytes) -> None:
-        """Send a MAVLink frame; the frame is lost if the autopilot's port is closed."""
-        if self._autopilot is None:
-            return
-        try:
-            self._line.sendto(frame, self._autopilot)
-        except (ConnectionRefusedError, BlockingIOError):
-            return
-
-    def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return all new messages, after waiting up to `patience` [s] for the first one."""
-        found: list[Message] = []
-        select.select([self._line], [], [], patience)
-        while True:
-            try:
-                data, sender = self._line.recvfrom(_CHUNK)
-            except (BlockingIOError, ConnectionRefusedError):
-                return found
-            found += self._reader.feed(data)
-            if self._answers_sender:
-                self._autopilot = sender
-
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
+        peer = None if autopilot_port is None else (HOST, autopilot_port)
+        super().__init__(peer, firmware_socket(port))
 
 
-def companion_writer() -> FrameWriter:
-    """Return a `FrameWriter` with the MAVLink ids of a companion computer."""
-    return FrameWriter(_SYSTEM, _COMPONENT)
+def firmware_socket(port: int) -> socket.socket:
+    """Return a UDP socket on a port of this host; raise ValueError if the port is in use."""
+    try:
+        return udp_socket(HOST, port)
+    except OSError as error:
+        raise ValueError(_port_taken('UDP', port, error)) from None
 
 
-def port_taken(kind: str, port: int, error: OSError) -> str:
+def _port_taken(kind: str, port: int, error: OSError) -> str:
     """Return the error message for a port that cannot be opened."""
     return (
         f"{kind} port {port} for the autopilot's program cannot be opened ({error.strerror}): stop "

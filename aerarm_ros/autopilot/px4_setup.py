@@ -50,20 +50,11 @@ class Px4Setup:
         One of `SENSORS`.
     others : dict
         Further parameters, by PX4's names, which override all others.
-
-    Raises
-    ------
-    ValueError
-        If the sensors are unknown.
     """
 
     gains: Px4Gains = Px4Gains()
     sensors: str = VISION
     others: dict[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Check that the position source is known; raises ValueError."""
-        check_sensors(self.sensors)
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
         """Return all PX4 parameters for a drone as a mapping from their names.
@@ -84,40 +75,33 @@ class Px4Setup:
                 f'{drone.name} has {drone.n} rotors, but PX4 controls {ROTORS} at most: use '
                 'a drone file with fewer rotors'
             )
-        hover = checked_hover_share(drone, body, 'PX4 accepts 10 to 80 % (MPC_THR_HOVER)')
-        by_sensors = {VISION: _VISION_PARAMETERS, GPS: _GPS_PARAMETERS}[self.sensors]
         return {
             **_BENCH_PARAMETERS,
-            **by_sensors,
+            **(_GPS_PARAMETERS if self.sensors == GPS else _VISION_PARAMETERS),
             **_geometry(drone, body),
-            'MPC_THR_HOVER': hover,
+            'MPC_THR_HOVER': hover_share(drone, body),
             **_gains(self.gains),
             **self.others,
         }
 
 
-def check_sensors(sensors: str) -> None:
-    """Raise ValueError if the position source is unknown."""
-    if sensors not in SENSORS:
-        raise ValueError(f'sensors = {sensors!r} is unknown: choose one of {", ".join(SENSORS)}')
+def hover_share(drone: DroneConfig, body: MassProperties) -> float:
+    """Return the hover thrust divided by the largest total thrust of all rotors.
 
-
-def checked_hover_share(drone: DroneConfig, body: MassProperties, rule: str) -> float:
-    """Return `hover_share`; raise ValueError if its value is not between 10 and 80 %."""
-    hover = hover_share(drone, body)
+    Raises
+    ------
+    ValueError
+        If the share is not between 10 and 80 %.
+    """
+    lift = float(np.abs(drone.allocation[2]) @ drone.column('thrust_max'))
+    hover = body.mass * GRAVITY / lift
     if not 0.1 <= hover <= 0.8:
         raise ValueError(
-            f'the drone hovers at {100.0 * hover:.0f} % of its largest thrust, but '
-            f'{rule}: check mass and '
+            f'the drone hovers at {100.0 * hover:.0f} % of its largest thrust, but PX4 '
+            '(MPC_THR_HOVER) and ArduPilot (MOT_THST_HOVER) accept 10 to 80 %: check mass and '
             'thrust_max in the drone file'
         )
     return hover
-
-
-def hover_share(drone: DroneConfig, body: MassProperties) -> float:
-    """Return the hover thrust divided by the largest total thrust of all rotors."""
-    lift = float(np.abs(drone.allocation[2]) @ drone.column('thrust_max'))
-    return body.mass * GRAVITY / lift
 
 
 def force_unit(drone: DroneConfig) -> Array:
@@ -150,19 +134,12 @@ def _geometry(drone: DroneConfig, body: MassProperties) -> dict[str, float]:
 
 
 def _gains(gains: Px4Gains) -> dict[str, float]:
-    found = {
-        'MPC_XY_P': gains.mpc_xy_p, 'MPC_Z_P': gains.mpc_z_p,
-        'MPC_XY_VEL_P_ACC': gains.mpc_xy_vel_p_acc, 'MPC_Z_VEL_P_ACC': gains.mpc_z_vel_p_acc,
-        'MPC_XY_VEL_I_ACC': gains.mpc_xy_vel_i_acc, 'MPC_Z_VEL_I_ACC': gains.mpc_z_vel_i_acc,
-        'MPC_XY_VEL_D_ACC': gains.mpc_xy_vel_d_acc, 'MPC_Z_VEL_D_ACC': gains.mpc_z_vel_d_acc,
-        'MPC_THR_MIN': gains.thrust_min, 'MPC_TILTMAX_AIR': float(np.degrees(gains.tilt_max)),
-        'MC_YAW_P': gains.mc_yaw_p, 'MC_YAWRATE_P': gains.mc_yawrate_p,
-        'MC_YAWRATE_I': gains.mc_yawrate_i, 'MC_YAW_TQ_CUTOFF': gains.mc_yaw_tq_cutoff,
-    }  # fmt: skip
-    for axis in ('ROLL', 'PITCH'):
-        found[f'MC_{axis}_P'] = gains.mc_att_p
-        found[f'MC_{axis}RATE_K'] = gains.mc_rate_k
-        found[f'MC_{axis}RATE_P'] = gains.mc_rate_p
-        found[f'MC_{axis}RATE_I'] = gains.mc_rate_i
-        found[f'MC_{axis}RATE_D'] = gains.mc_rate_d
+    found = {'MPC_THR_MIN': gains.thrust_min, 'MPC_TILTMAX_AIR': float(np.degrees(gains.tilt_max))}
+    for name, value in vars(gains).items():
+        if name.startswith(('mpc_', 'mc_yaw')):
+            found[name.upper()] = value
+        elif name.startswith('mc_'):
+            for axis in ('roll', 'pitch'):
+                one = name.replace('att', axis).replace('rate', f'{axis}rate')
+                found[one.upper()] = value
     return found

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink, MotorPower, make_links
+from aerarm_ros.hardware.boards.board_link import ArmMeasurements, MotorPower, make_links
 from aerarm_ros.hardware.boards.commissioning_probe import CommissioningProbe
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.boards.homing import EncoderZeros, ZeroSearch
 from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroRecall
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.bridge_modes import Answer, to_switch_on
-from aerarm_ros.hardware.fault_watch import FaultWatch, LoadWatch, recovery_hint
+from aerarm_ros.hardware.fault_watch import FaultWatch, LoadWatch
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import (
@@ -36,67 +36,6 @@ if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.hardware.boards.board_link import Transport
 
 _RECENT = 1.0  # [s] time for which a rejected or limited command stays in the list of faults
-
-
-class BridgeReport:
-    """Collects the faults and counters of all parts of the bridge for the diagnostics."""
-
-    def __init__(
-        self,
-        intake: CommandIntake,
-        gate: SafetyGate,
-        links: Sequence[BoardLink],
-        zeros: EncoderZeros,
-        heat: HeatWatch,
-        loads: LoadWatch,
-    ) -> None:
-        self._heat = heat
-        self._loads = loads
-        self._zeros = zeros
-        self._intake = intake
-        self._gate = gate
-        self._links = tuple(links)
-        self._monitors = [link.monitor for link in links]
-
-    def faults(self, mode: str, now: float) -> list[str]:
-        """Return all faults: the latched stop first, then recently rejected or limited commands."""
-        intake, gate = self._intake, self._gate
-        texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
-        for link in self._links:
-            monitor = link.monitor
-            if link.is_damped_without_answer:
-                texts.append(
-                    f'{monitor.name} sends no valid frames ({monitor.problem}); the bridge '
-                    'commands the board to damp its joints, and to switch its motors off once '
-                    'the arm is disabled'
-                )
-            elif monitor.is_silent or not monitor.is_connected:
-                texts.append(f'no answer from {monitor.name}: {monitor.problem}')
-            elif not monitor.fault:
-                texts.append(monitor.echo.warning)
-        if mode in ('unhomed', 'fault'):
-            texts.append(self._zeros.problem)
-        if mode == 'damping':
-            texts.append(
-                f'no valid command for {intake.age(now):.2f} s, so the bridge damps the arm: '
-                'check that the controller runs'
-            )
-        texts += [*self._heat.warnings(), *self._loads.warnings()]
-        if now - intake.last_rejection_time < _RECENT:
-            texts.append(f'a command was rejected: {REJECTIONS[intake.last_rejection]}')
-        if now - gate.last_limited_time < _RECENT:
-            texts.append(LIMITED[gate.last_limited])
-        return list(dict.fromkeys(filter(None, texts)))
-
-    def counters(self) -> dict[str, int]:
-        """Return all counters of the bridge by their names in the diagnostics."""
-        rejections, limited = dict(self._intake.rejections), dict(self._gate.limited)
-        counts = {'commands accepted': self._intake.accepted}
-        counts |= {f'rejected {key}': count for key, count in rejections.items()}
-        counts |= {f'limited {key}': count for key, count in limited.items()}
-        for monitor in self._monitors:
-            counts |= {f'{monitor.name} {key}': n for key, n in monitor.counters().items()}
-        return counts
 
 
 _STEP_MAX = 0.005  # [s] longest time over which a reference moves in one cycle
@@ -193,8 +132,6 @@ class BridgeCycle:
         self._loads = LoadWatch(config, robot, self._references)
         watched = (self.gate, self.links, self._encoders, self.zeros, self.heat)
         self._watch = FaultWatch(config, *watched, profile.errors_until_power_cycle)
-        reported = (self.links, self.zeros, self.heat, self._loads)
-        self._report = BridgeReport(self.intake, self.gate, *reported)
         parts = (self.links, self.state, self._references, loads, self._watch.refusal)
         self.probe = CommissioningProbe(config, *parts)
         self._standstill = CommandBuffer.standstill(config.n)
@@ -214,20 +151,52 @@ class BridgeCycle:
     @property
     def counters(self) -> dict[str, int]:
         """All counters of the bridge by their names in the diagnostics."""
-        return {'cycles': self.cycles, **self._report.counters()}
+        counts = {'cycles': self.cycles, 'commands accepted': self.intake.accepted}
+        # copies, because the cycle adds new keys
+        rejections, limited = dict(self.intake.rejections), dict(self.gate.limited)
+        counts |= {f'rejected {key}': count for key, count in rejections.items()}
+        counts |= {f'limited {key}': count for key, count in limited.items()}
+        for link in self.links:
+            monitor = link.monitor
+            counts |= {f'{monitor.name} {key}': n for key, n in monitor.counters().items()}
+        return counts
 
     @property
     def faults(self) -> list[str]:
         """All faults: the latched stop first, then recently rejected or limited commands."""
-        return self._report.faults(self.mode, self._now)
+        intake, gate, now = self.intake, self.gate, self._now
+        texts = [gate.stop, *(link.monitor.fault for link in self.links)]
+        for link in self.links:
+            monitor = link.monitor
+            if link.is_damped_without_answer:
+                texts.append(
+                    f'{monitor.name} sends no valid frames ({monitor.problem}); the bridge '
+                    'commands the board to damp its joints, and to switch its motors off once '
+                    'the arm is disabled'
+                )
+            elif monitor.is_silent or not monitor.is_connected:
+                texts.append(f'no answer from {monitor.name}: {monitor.problem}')
+            elif not monitor.fault:
+                texts.append(monitor.echo.warning)
+        if self.mode in ('unhomed', 'fault'):
+            texts.append(self.zeros.problem)
+        if self.mode == 'damping':
+            texts.append(
+                f'no valid command for {intake.age(now):.2f} s, so the bridge damps the arm: '
+                'check that the controller runs'
+            )
+        texts += [*self.heat.warnings(), *self._loads.warnings()]
+        if now - intake.last_rejection_time < _RECENT:
+            texts.append(f'a command was rejected: {REJECTIONS[intake.last_rejection]}')
+        if now - gate.last_limited_time < _RECENT:
+            texts.append(LIMITED[gate.last_limited])
+        return list(dict.fromkeys(filter(None, texts)))
 
     def recovery_hint(self, emulated: bool) -> str:
         """Return the steps by which the user recovers a stopped arm; '' if it is not stopped."""
         if not self.gate.stop and (self._enabled or not self.zeros.are_lost):
             return ''
-        return recovery_hint(
-            self._watch.stopped(self.state, self._enabled and self._aligned), emulated
-        )
+        return self._watch.recovery_hint(self.state, self._enabled and self._aligned, emulated)
 
     def command(self, offered: OfferedCommand, now: float) -> bool:
         """Process a joint command received at `now` [s], on the monotonic clock of `update`.

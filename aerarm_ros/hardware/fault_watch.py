@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,13 +18,32 @@ from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.inertia import point_mass
 from aerarm_ros.motion.signals import Array
 
+_BY_HAND = 'move the arm by hand to its home configuration'
 
-@dataclass(frozen=True)
-class StoppedArm:
-    """State of a stopped arm, from which `recovery_hint` derives the steps to recover.
 
-    Attributes
+def recovery_hint(
+    emulated: bool,
+    boards: Sequence[tuple[int, str]] = (),
+    violation: bool = False,
+    driven: bool = True,
+    until_power_cycle: bool = True,
+    zero_unknown: bool = False,
+    absolute: bool = False,
+    latched: bool = True,
+    hot: str = '',
+) -> str:
+    """Return the steps by which the user recovers a stopped arm, with commands in quotes.
+
+    A driven arm holds its position if no board or encoder is in fault and no limit is exceeded.
+    In all other cases the motors must be switched off first, because a restarted board must
+    align, and clearing the fault of a driven arm would fail. Joints with a lost encoder zero are
+    homed from the home configuration. Emulated boards are repaired by a command; for real boards
+    the hint names manual steps.
+
+    Parameters
     ----------
+    emulated
+        Whether the boards are emulated.
     boards
         Number and name of each board that is in the mode fault, or has an encoder with
         implausible readings.
@@ -45,54 +63,31 @@ class StoppedArm:
         Text on how long to wait before a warm motor may be driven again, '' if no motor is too
         warm.
     """
-
-    boards: Sequence[tuple[int, str]] = ()
-    violation: bool = False
-    driven: bool = True
-    until_power_cycle: bool = True
-    zero_unknown: bool = False
-    absolute: bool = False
-    latched: bool = True
-    hot: str = ''
-
-
-_BY_HAND = 'move the arm by hand to its home configuration'
-
-
-def recovery_hint(arm: StoppedArm, emulated: bool) -> str:
-    """Return the steps by which the user recovers a stopped arm, with commands in quotes.
-
-    A driven arm holds its position if no board or encoder is in fault and no limit is exceeded.
-    In all other cases the motors must be switched off first, because a restarted board must
-    align, and clearing the fault of a driven arm would fail. Joints with a lost encoder zero are
-    homed from the home configuration. Emulated boards are repaired by a command; for real boards
-    the hint names manual steps.
-    """
-    if not arm.latched:
+    if not latched:
         return "'arm home'" if emulated else f"{_BY_HAND}, 'arm home'"
     steps = []
-    through_idle = bool(arm.boards) or arm.violation or arm.zero_unknown or bool(arm.hot)
-    restarts = bool(arm.boards) and (emulated or arm.until_power_cycle)
-    homes = (arm.zero_unknown or restarts) and not (arm.absolute and restarts)
+    through_idle = bool(boards) or violation or zero_unknown or bool(hot)
+    restarts = bool(boards) and (emulated or until_power_cycle)
+    homes = (zero_unknown or restarts) and not (absolute and restarts)
     if through_idle:
         steps += ["'arm disable'"] if emulated else ['support the arm', "'arm disable'"]
     if emulated:
-        steps += [f"'arm fault power_cycle:{number}'" for number, _ in arm.boards]
-    elif arm.boards:
+        steps += [f"'arm fault power_cycle:{number}'" for number, _ in boards]
+    elif boards:
         steps.append('repair the cause')
-        if arm.until_power_cycle:
-            steps += [f'switch the supply of {name} off and on' for _, name in arm.boards]
+        if until_power_cycle:
+            steps += [f'switch the supply of {name} off and on' for _, name in boards]
     # the commands home and enable move an emulated arm to its home configuration
     if not emulated and homes:
         steps.append(_BY_HAND)
-    elif not emulated and arm.violation:
+    elif not emulated and violation:
         steps.append('move the arm inside its limits by hand')
-    if arm.hot:
-        steps.append(arm.hot)
+    if hot:
+        steps.append(hot)
     steps.append("'arm clear_fault'")
     if homes:
         steps.append("'arm home'")
-    elif through_idle or not arm.driven:
+    elif through_idle or not driven:
         steps.append("'arm enable'")
     return ', '.join(steps)
 
@@ -200,8 +195,8 @@ class FaultWatch:
         if violation:
             gate.trip(violation)
 
-    def stopped(self, state: ArmMeasurements, driven: bool) -> StoppedArm:
-        """Return the state of the stopped arm; `driven` tells whether all motors are driven."""
+    def recovery_hint(self, state: ArmMeasurements, driven: bool, emulated: bool) -> str:
+        """Return `recovery_hint` for the stopped arm; `driven` as there."""
         trusted = self._encoders.trusted.tolist()
         doubted = {
             joint.board for joint, known in zip(self._joints, trusted, strict=True) if not known
@@ -211,7 +206,8 @@ class FaultWatch:
             for number, link in enumerate(self._links)
             if link.monitor.fault or number in doubted
         ]
-        return StoppedArm(
+        return recovery_hint(
+            emulated,
             boards,
             bool(self._gate.state_violation(state.q, state.dq)),
             driven,

@@ -56,20 +56,6 @@ class MotorTemperature:
         Estimated temperatures of winding and housing [degC].
     """
 
-    __slots__ = (
-        '_ambient',
-        '_capacity_housing',
-        '_capacity_winding',
-        '_hottest',
-        '_is_measured',
-        '_reported',
-        '_resistance',
-        '_to_ambient',
-        '_to_housing',
-        'housing',
-        'winding',
-    )
-
     def __init__(self, motor: MotorConfig, ambient: float, start: float) -> None:
         thermal = motor.thermal_or_guess
         self._ambient = ambient
@@ -201,29 +187,6 @@ class ThermalLimit:
         Whether the joint is lowered slowly until its motor is off, because the warm motor can no
         longer hold the joint at a position limit.
     """
-
-    __slots__ = (
-        '_ambient',
-        '_continuous',
-        '_duration',
-        '_effort_max',
-        '_is_warm',
-        '_largest',
-        '_load',
-        '_name',
-        '_per_ampere',
-        '_square',
-        '_stops',
-        '_sum',
-        '_temperature_max',
-        '_worst',
-        'continuous_current',
-        'effort_limit',
-        'is_sinking',
-        'is_released',
-        'motor',
-        'remaining',
-    )
 
     def __init__(self, joint: JointConfig, ambient: float, start: float) -> None:
         thermal = joint.motor.thermal_or_guess

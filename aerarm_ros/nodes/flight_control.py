@@ -20,7 +20,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.autopilot.px4_flight import FirmwareFlight
+from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
 from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, OdometrySample

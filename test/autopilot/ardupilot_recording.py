@@ -22,8 +22,8 @@ from aerarm_ros.autopilot.ardupilot_flight import ArduPilotFirmware
 from aerarm_ros.autopilot.ardupilot_link import COMPANION_PORT, PORT_STEP, SIMULATOR_PORT, JsonLink
 from aerarm_ros.autopilot.ardupilot_loop import ArduPilotSetPoints
 from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
+from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
 from aerarm_ros.autopilot.mavlink import Message
-from aerarm_ros.autopilot.px4_flight import FirmwareFlight
 from aerarm_ros.autopilot.px4_link import CompanionLink
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.motion.signals import Array
@@ -118,16 +118,16 @@ class RecordingCompanion(CompanionLink):
 
     def send(self, frame: bytes) -> None:
         super().send(frame)
-        if self._autopilot is not None:
+        if self._peer is not None:
             self._steps[-1].companion = crc32(frame, self._steps[-1].companion)
 
     def messages(self, patience: float = 0.0) -> list[Message]:
         found = []
-        while select.select([self._line], [], [], patience)[0]:
-            data, sender = self._line.recvfrom(65536)
+        while select.select([self._socket], [], [], patience)[0]:
+            data, sender = self._socket.recvfrom(65536)
             # The first datagram shows the autopilot's address, whatever it contains.
-            frames = [data] if self._autopilot is None else known_frames(data)
-            self._autopilot = sender
+            frames = [data] if self._peer is None else known_frames(data)
+            self._peer = sender
             self._steps[-1].frames += [frame.hex() for frame in frames]
             for frame in frames:
                 found += self._reader.feed(frame)

@@ -18,9 +18,10 @@ from zlib import crc32
 
 import numpy as np
 
+from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
 from aerarm_ros.autopilot.mavlink import LAYOUTS, FrameReader, Message
 from aerarm_ros.autopilot.px4 import Px4Gains
-from aerarm_ros.autopilot.px4_flight import FirmwareFlight, Px4Firmware
+from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.px4_link import CompanionLink, Controls, SimulatorLink
 from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
 from aerarm_ros.autopilot.px4_setup import Px4Setup
@@ -131,10 +132,10 @@ class RecordingCompanion(CompanionLink):
 
     def messages(self, patience: float = 0.0) -> list[Message]:
         now, found = self._steps[-1], []
-        select.select([self._line], [], [], patience)
+        select.select([self._socket], [], [], patience)
         while True:
             try:
-                data = self._line.recv(65536)
+                data = self._socket.recv(65536)
             except (BlockingIOError, ConnectionRefusedError):
                 break
             for frame in known_frames(data):

@@ -11,10 +11,10 @@ from ardupilot_recording import ReplayedArduPilot, flight, load
 from px4_recording import BODY, DRONE, STILL, fly
 
 from aerarm_ros.autopilot import ardupilot_link
-from aerarm_ros.autopilot.ardupilot_flight import ArduPilotStage
 from aerarm_ros.autopilot.ardupilot_link import JsonLink, motor_shares, sensor_line
 from aerarm_ros.autopilot.ardupilot_loop import ArduPilotLoop, ArduPilotSetPoints
 from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
+from aerarm_ros.autopilot.firmware_flight import FlightStage
 from aerarm_ros.autopilot.px4 import ned
 from aerarm_ros.autopilot.px4_link import CompanionLink
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
@@ -51,7 +51,7 @@ def test_the_firmware_is_led_into_the_air_as_it_was_when_recorded(links) -> None
     fly(control)
     autopilot.join(20.0)
     assert autopilot.differing == []  # byte by byte, in both directions
-    assert firmware.stage is ArduPilotStage.FLY
+    assert firmware.stage is FlightStage.FLY
     assert control.problem == ''
     thrust = control.update(STILL, FlightTarget.here(STILL), 0.0)
     assert 0.5 < thrust.sum() / (BODY.mass * GRAVITY) < 2.0

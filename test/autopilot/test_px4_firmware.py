@@ -8,7 +8,7 @@ import pytest
 from px4_recording import BODY, DRONE, FLOWN, STILL, ScriptedPx4, flight, fly, load
 
 from aerarm_ros.autopilot import px4_flight
-from aerarm_ros.autopilot.px4_flight import FirmwareFlight
+from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
 from aerarm_ros.autopilot.px4_link import CompanionLink, SimulatorLink
 from aerarm_ros.description.drone_config import GRAVITY
 from aerarm_ros.flight.flight_state import FlightTarget
@@ -79,7 +79,7 @@ def test_a_firmware_that_ends_is_noticed_at_once(staged: Stage, step: int) -> No
     control, px4, simulator = staged(ends_at=step)
     fly(control)
     assert simulator.is_lost
-    assert 'ended or closed the connection' in control.problem
+    assert 'PX4 has ended' in control.problem
     px4.join(5.0)
     assert px4.done == step
 

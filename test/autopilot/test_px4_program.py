@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
-from aerarm_ros.autopilot.px4_flight import FirmwareFlight, Px4Firmware
+from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
+from aerarm_ros.autopilot.px4 import torque_unit
+from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.px4_link import CompanionLink, SimulatorLink
 from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
-from aerarm_ros.autopilot.px4_setup import Px4Setup, force_unit, hover_share
+from aerarm_ros.autopilot.px4_setup import force_unit, hover_share
 from aerarm_ros.description.drone_config import GRAVITY, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.flight.arm_load import MassProperties
@@ -73,8 +74,6 @@ def test_sensors_and_further_parameters_are_a_choice() -> None:
     gps = replace(SETUP, sensors='gps', others={'MC_ROLL_P': 5.0}).parameters(DRONE, BODY)
     assert (vision['EKF2_EV_CTRL'], vision['EKF2_GPS_CTRL']) == (15, 0)
     assert (gps['EKF2_EV_CTRL'], gps['EKF2_GPS_CTRL'], gps['MC_ROLL_P']) == (0, 7, 5.0)
-    with pytest.raises(ValueError, match="sensors = 'radar' is unknown: choose one of vision, gps"):
-        Px4Setup(Px4Gains(), 'radar')
 
 
 def test_a_drone_that_px4_cannot_fly_is_named() -> None:

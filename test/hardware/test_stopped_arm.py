@@ -10,7 +10,7 @@ import pytest
 
 from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.hardware.emulation.emulated_board import BoardFaults
-from aerarm_ros.hardware.fault_watch import StoppedArm, recovery_hint
+from aerarm_ros.hardware.fault_watch import recovery_hint
 
 MOVING = [0.8, 0.0, 0.8, 0.8]
 # What is found in motion, or where a current flows.
@@ -175,23 +175,19 @@ def test_after_clear_fault_an_intact_arm_is_held_in_place(rig) -> None:
 
 
 def test_boards_that_forget_an_error_by_themselves_need_no_switch() -> None:
-    arm = StoppedArm([(1, 'board1')], until_power_cycle=False)
-    assert 'switch' not in recovery_hint(arm, emulated=False)
-    assert 'switch the supply of board1' in recovery_hint(
-        StoppedArm([(1, 'board1')]), emulated=False
-    )
+    hint = recovery_hint(False, [(1, 'board1')], until_power_cycle=False)
+    assert 'switch' not in hint
+    assert 'switch the supply of board1' in recovery_hint(False, [(1, 'board1')])
 
 
 def test_motors_that_are_off_are_enabled() -> None:
-    assert (
-        recovery_hint(StoppedArm(driven=False), emulated=False) == "'arm clear_fault', 'arm enable'"
-    )
+    assert recovery_hint(False, driven=False) == "'arm clear_fault', 'arm enable'"
 
 
 def test_the_recovery_hint_includes_homing_if_a_zero_is_lost() -> None:
-    lost = recovery_hint(StoppedArm(zero_unknown=True), emulated=False)
+    lost = recovery_hint(False, zero_unknown=True)
     by_hand = 'move the arm by hand to its home configuration'
     assert lost.endswith(f"{by_hand}, 'arm clear_fault', 'arm home'")
-    assert recovery_hint(StoppedArm([(1, 'board1')]), emulated=True).endswith("'arm home'")
-    kept = StoppedArm([(1, 'board1')], until_power_cycle=False)
-    assert recovery_hint(kept, emulated=False).endswith("'arm clear_fault', 'arm enable'")
+    assert recovery_hint(True, [(1, 'board1')]).endswith("'arm home'")
+    kept = recovery_hint(False, [(1, 'board1')], until_power_cycle=False)
+    assert kept.endswith("'arm clear_fault', 'arm enable'")

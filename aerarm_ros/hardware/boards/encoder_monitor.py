@@ -59,25 +59,6 @@ class ExpectedMotion:
         Joint torque per motor current [Nm/A], and joint speed over motor speed.
     """
 
-    __slots__ = (
-        '_clearly',
-        '_current',
-        '_impulse',
-        '_is_followed',
-        '_load',
-        '_looks',
-        '_modelled',
-        '_moved',
-        '_per_inertia',
-        '_rate',
-        '_seen_speed',
-        '_speed',
-        '_stood',
-        '_strained',
-        '_strong',
-        '_turned',
-    )
-
     def __init__(
         self, load_max: float, current_max: float, torque_per_ampere: float, ratio: float
     ) -> None:

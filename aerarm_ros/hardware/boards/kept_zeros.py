@@ -7,10 +7,10 @@ import json
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import inf, isfinite, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,6 +97,9 @@ class HostClock:
     suspended: float
 
 
+_Record = TypeVar('_Record', KeptJoint, KeptBoard, HostClock)
+
+
 @dataclass(frozen=True)
 class KeptZeros:
     """Stored state of a bridge: arm, host clock, encoder zeros per board, motor temperatures."""
@@ -120,28 +123,13 @@ class KeptZeros:
             if sealed(envelope['kept']) != text:
                 raise ValueError
             document = json.loads(envelope['kept'])
-            boards = tuple(
-                KeptBoard(
-                    str(board['name']),
-                    _number(board['time']),
-                    _number(board['timestamp']),
-                    int(board['error']),
-                    tuple(
-                        KeptJoint(
-                            str(joint['name']),
-                            _number(joint['zero']),
-                            _number(joint['position']),
-                            _number(joint['pulse_offset']),
-                            bool(joint['index_detected']),
-                            bool(joint['index_toggle']),
-                        )
-                        for joint in board['joints']
-                    ),
-                )
-                for board in document['boards']
-            )
-            host = HostClock(str(document['host']['boot']), _number(document['host']['suspended']))
-            return KeptZeros(str(document['arm']), host, boards, _heat(document.get('heat')))
+            boards = []
+            for board in document['boards']:
+                joints = tuple(_record(KeptJoint, joint) for joint in board['joints'])
+                boards.append(_record(KeptBoard, {**board, 'joints': joints}))
+            host = _record(HostClock, document['host'])
+            heat = _heat(document.get('heat'))
+            return KeptZeros(str(document['arm']), host, tuple(boards), heat)
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
             raise KeptZerosError(
                 'the file is incomplete or was written by another program'
@@ -368,6 +356,14 @@ def _to_keep(
     if not joints or not isfinite(link.answered_at):
         return None
     return KeptBoard(link.monitor.name, link.answered_at, state.timestamp, state.error, joints)
+
+
+def _record(kind: type[_Record], entry: dict[str, Any]) -> _Record:
+    """Return a record of a file's entry; raise an error if a key or a number is wrong."""
+    for item in fields(kind):
+        if item.type == 'float':
+            _number(entry[item.name])
+    return kind(**entry)
 
 
 def _heat(entry: dict[str, Any] | None) -> KeptHeat | None:

@@ -122,9 +122,7 @@ class EmulatedSupply:
 
 ENCODER_ERRORS = (1, 6)  # error codes of motor 1 and motor 2
 TIMEOUT_ERROR = 2
-TEMPERATURE_ERROR = 3
 ROLLOVER_ERROR = 5
-DRIVER_ERROR = 7
 
 _ROLLOVER = 128.0 * 2.0 * np.pi  # [rad] end of the position field's range
 _CURRENT_NOISE = 0.02  # [A] standard deviation of the current measurement
@@ -150,7 +148,7 @@ class EmulatedBoard:
     seed
         Seed of measurement noise and random faults.
     heats
-        Thermal models of the two motors; None for motors with nominal data.
+        Thermal models of the two motors; None for nominal data.
     alignment
         Durations and current of the alignment when a motor is enabled.
     zeros
@@ -167,6 +165,8 @@ class EmulatedBoard:
         Wiring errors of the board; `rewire` notifies the transport of a change.
     """
 
+    TEMPERATURE_ERROR, DRIVER_ERROR = 3, 7
+
     def __init__(
         self,
         profile: FrameProfile,
@@ -174,7 +174,7 @@ class EmulatedBoard:
         substep: float,
         *,
         seed: int = 0,
-        heats: Sequence[EmulatedHeat] | None = None,
+        heats: Sequence[EmulatedHeat | None] = (None, None),
         alignment: AlignmentTiming | None = None,
         zeros: Sequence[float | None] = (0.0, 0.0),
         absolute: Sequence[bool] = (False, False),
@@ -194,8 +194,8 @@ class EmulatedBoard:
             EmulatedMotor(motors[i], substep, timing, zeros[i], absolute[i], pulse_offsets[i])
             for i in range(len(motors))
         )
-        for emulated, heat in zip(self.motors, heats or (), strict=False):
-            emulated.heat = heat
+        for emulated, heat in zip(self.motors, heats, strict=True):
+            emulated.heat = heat or emulated.heat
         self._squares = [0.0, 0.0]  # sum of squared currents since the last thermal update [A^2]
         self._steps = 0
         self._substep = substep
@@ -266,7 +266,7 @@ class EmulatedBoard:
             self._squares[i] = 0.0
             power += motor.power
             if motor.heat.copper > CRITICAL:
-                self.raise_error(TEMPERATURE_ERROR)
+                self.raise_error(self.TEMPERATURE_ERROR)
         self.supply.step(power, duration)
         self._steps = 0
 

@@ -1,6 +1,7 @@
 """Creation of emulated boards with a simulated arm, on a fixed base, a moving base or a drone."""
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -83,6 +84,7 @@ def _without_backlash(transport: EmulatedTransport) -> ArmPlant:
     return plant
 
 
+T = TypeVar('T')
 # Placeholder motor of a channel without a joint.
 _NO_MOTOR = MotorConfig('none', 12, 300.0, 1.0, 1e-5, 1.0)
 
@@ -95,7 +97,7 @@ def make_emulated_transport(
     position: ArrayLike | None = None,
     spread: Spread | None = None,
     alignment: AlignmentTiming | None = None,
-    encoder_zeros: Sequence[float] | None = None,
+    encoder_zeros: Sequence[float | None] | None = None,
     pulse_offset: Sequence[float] | None = None,
     parameters: PlantParameters | None = None,
     profile: FrameProfile | None = None,
@@ -137,34 +139,39 @@ def make_emulated_transport(
             parameters = parameters.perturbed(seed, spread)
     made = ArmPlant if parameters.backlash is None else BacklashPlant
     plant = made(robot, parameters, config.rest_position if position is None else position)
-    motors = [[_NO_MOTOR, _NO_MOTOR] for _ in config.boards]
-    heats = [[EmulatedHeat(_NO_MOTOR), EmulatedHeat(_NO_MOTOR)] for _ in config.boards]
-    zeros: list[list[float | None]] = [[None, None] for _ in config.boards]
-    pulse_offsets = [[0.0, 0.0] for _ in config.boards]
-    absolute = [[False, False] for _ in config.boards]
     profile = profile or load_profile(config.profile)
     knows = config.absolute_encoders(profile.encoders)
-    for i, joint in enumerate(config.joints):
-        motors[joint.board][joint.channel] = joint.motor
-        heats[joint.board][joint.channel] = EmulatedHeat.of_joint(joint, parameters.seed)
-        absolute[joint.board][joint.channel] = knows[i]
-        pulse_offsets[joint.board][joint.channel] = pulse_offset[i] if pulse_offset else 0.0
-        if encoder_zeros is not None:
-            zeros[joint.board][joint.channel] = encoder_zeros[i]
-        elif knows[i]:
-            zeros[joint.board][joint.channel] = 0.0
+    if encoder_zeros is None:
+        encoder_zeros = [0.0 if is_absolute else None for is_absolute in knows]
+    heats = [EmulatedHeat.of_joint(joint, parameters.seed) for joint in config.joints]
+
+    def by_channel(values: Sequence[T], unused: T) -> list[list[T]]:
+        """Return the joints' values per board and channel, with a value of unused channels."""
+        rows = [[unused, unused] for _ in config.boards]
+        for joint, value in zip(config.joints, values, strict=True):
+            rows[joint.board][joint.channel] = value
+        return rows
+
+    rows = zip(
+        by_channel([joint.motor for joint in config.joints], _NO_MOTOR),
+        by_channel(heats, None),
+        by_channel(encoder_zeros, None),
+        by_channel(knows, False),
+        by_channel(pulse_offset or [0.0] * config.n, 0.0),
+        strict=True,
+    )
     boards = [
         EmulatedBoard(
             profile,
-            motors[number],
+            motors,
             SUBSTEP,
             seed=1000 * (seed or 0) + number,
-            heats=heats[number],
+            heats=warmth,
             alignment=alignment,
-            zeros=zeros[number],
-            absolute=absolute[number],
-            pulse_offsets=pulse_offsets[number],
+            zeros=zeros,
+            absolute=absolute,
+            pulse_offsets=pulses,
         )
-        for number in range(len(config.boards))
+        for number, (motors, warmth, zeros, absolute, pulses) in enumerate(rows)
     ]
     return EmulatedTransport(boards, plant, config)

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
 
+Apply = Callable[['EmulatedBoard', int, float], None]
+
+
 class Fault(NamedTuple):
     """Fault that can be injected into an emulated board.
 
@@ -28,7 +31,7 @@ class Fault(NamedTuple):
     """
 
     meaning: str
-    apply: Callable[[EmulatedBoard, int, float], None]
+    apply: Apply
     default: float | None = None
     least: float = -inf
     most: float = inf
@@ -86,72 +89,28 @@ def check(
         raise FaultInjectionError(f'value {value:g} of {fault} must lie in {least:g} .. {most:g}')
 
 
-def _bit_errors(board: EmulatedBoard, _motor: int, value: float) -> None:
-    board.faults.bit_error_rate = value
+def _fault(name: str, strength: Callable[[float], object] = float) -> Apply:
+    """Return a function that sets an attribute of the board's faults to a strength."""
+    return lambda board, _, value: setattr(board.faults, name, strength(value))
 
 
-def _lost_frames(board: EmulatedBoard, _motor: int, value: float) -> None:
-    board.faults.lost_frame_rate = value
+def _wiring(name: str) -> Apply:
+    """Return a function that sets a wiring error of a motor."""
+
+    def apply(board: EmulatedBoard, motor: int, value: float) -> None:
+        getattr(board.wiring, name)[motor] = value
+        board.rewire()
+
+    return apply
 
 
-def _lost_commands(board: EmulatedBoard, _motor: int, value: float) -> None:
-    board.faults.lost_command_rate = value
-
-
-def _dead_board(board: EmulatedBoard, _motor: int, _value: float) -> None:
-    board.cut_power()
+def _supply(name: str) -> Apply:
+    """Return a function that sets an attribute of the board's supply."""
+    return lambda board, _, value: setattr(board.supply, name, value)
 
 
 def _stuck_encoder(board: EmulatedBoard, motor: int, _value: float) -> None:
     board.motors[motor].encoder.stuck = True
-
-
-def _encoder_jump(board: EmulatedBoard, motor: int, value: float) -> None:
-    board.motors[motor].encoder.jump(value)
-
-
-def _over_temperature(board: EmulatedBoard, _motor: int, _value: float) -> None:
-    from aerarm_ros.hardware.emulation.emulated_board import TEMPERATURE_ERROR
-
-    board.raise_error(TEMPERATURE_ERROR)
-
-
-def _warm_motor(board: EmulatedBoard, motor: int, value: float) -> None:
-    board.motors[motor].heat.warm(value)
-
-
-def _supply_voltage(board: EmulatedBoard, _motor: int, value: float) -> None:
-    board.supply.source = value
-
-
-def _no_sink(board: EmulatedBoard, _motor: int, value: float) -> None:
-    board.supply.capacitance = value
-
-
-def _driver_error(board: EmulatedBoard, _motor: int, _value: float) -> None:
-    from aerarm_ros.hardware.emulation.emulated_board import DRIVER_ERROR
-
-    board.raise_error(DRIVER_ERROR)
-
-
-def _board_timeout(board: EmulatedBoard, _motor: int, _value: float) -> None:
-    board.faults.deaf = True
-
-
-def _mute_board(board: EmulatedBoard, _motor: int, _value: float) -> None:
-    board.faults.mute = True
-
-
-def _short_answers(board: EmulatedBoard, _motor: int, value: float) -> None:
-    board.faults.answer_bytes = int(value)
-
-
-def _slow_bus(board: EmulatedBoard, _motor: int, value: float) -> None:
-    board.faults.exchange_time = value
-
-
-def _power_cycle(board: EmulatedBoard, _motor: int, _value: float) -> None:
-    board.power_cycle()
 
 
 def _swapped_channels(board: EmulatedBoard, _motor: int, _value: float) -> None:
@@ -164,56 +123,59 @@ def _wrong_sign(board: EmulatedBoard, motor: int, _value: float) -> None:
     board.rewire()
 
 
-def _wrong_ratio(board: EmulatedBoard, motor: int, value: float) -> None:
-    board.wiring.reduction[motor] = value
-    board.rewire()
-
-
-def _weak_driver(board: EmulatedBoard, motor: int, value: float) -> None:
-    board.wiring.delivery[motor] = value
-    board.rewire()
-
-
-def _high_friction(board: EmulatedBoard, motor: int, value: float) -> None:
-    board.wiring.friction[motor] = value
-    board.rewire()
-
-
 _SHARE_OF_FRAMES = (0.05, 0.0, 1.0)
 
 # The last entry of the table clears all other faults.
 FAULTS: dict[str, Fault] = {
     'bit_errors': Fault(
-        'fraction of frames with flipped bits, in each direction', _bit_errors, *_SHARE_OF_FRAMES
+        'fraction of frames with flipped bits, in each direction',
+        _fault('bit_error_rate'),
+        *_SHARE_OF_FRAMES,
     ),
     'lost_frames': Fault(
-        'fraction of frame exchanges that the board misses', _lost_frames, *_SHARE_OF_FRAMES
+        'fraction of frame exchanges that the board misses',
+        _fault('lost_frame_rate'),
+        *_SHARE_OF_FRAMES,
     ),
     'lost_commands': Fault(
         'fraction of commands that the board does not receive while it answers',
-        _lost_commands,
+        _fault('lost_command_rate'),
         *_SHARE_OF_FRAMES,
     ),
-    'dead_board': Fault('the board has no supply', _dead_board),
+    'dead_board': Fault('the board has no supply', lambda board, _, __: board.cut_power()),
     'stuck_encoder': Fault("a motor's encoder count stops changing", _stuck_encoder),
-    'encoder_jump': Fault("a motor's encoder count jumps [rad, motor side]", _encoder_jump, pi),
-    'over_temperature': Fault('the board reports a critical temperature', _over_temperature),
-    'warm_motor': Fault(
-        'temperature of winding and housing of a motor [degC]', _warm_motor, 90.0, -40.0, 250.0
+    'encoder_jump': Fault(
+        "a motor's encoder count jumps [rad, motor side]",
+        lambda board, motor, value: board.motors[motor].encoder.jump(value),
+        pi,
     ),
-    'supply_voltage': Fault('supply voltage of the board [V]', _supply_voltage, 16.0, 1.0, 100.0),
+    'over_temperature': Fault(
+        'the board reports a critical temperature',
+        lambda board, _, __: board.raise_error(board.TEMPERATURE_ERROR),
+    ),
+    'warm_motor': Fault(
+        'temperature of winding and housing of a motor [degC]',
+        lambda board, motor, value: board.motors[motor].heat.warm(value),
+        90.0,
+        -40.0,
+        250.0,
+    ),
+    'supply_voltage': Fault('supply voltage of the board [V]', _supply('source'), 16.0, 1.0, 100.0),
     'no_sink': Fault(
         "the supply accepts no braking current; VALUE is the board's capacitance [F]",
-        _no_sink,
+        _supply('capacitance'),
         *(2e-3, 1e-5, 1.0),
     ),
-    'driver_error': Fault('the gate driver reports a fault', _driver_error),
-    'board_timeout': Fault('the board receives no frames', _board_timeout),
-    'mute_board': Fault('the board receives frames but sends none', _mute_board),
-    'short_answers': Fault(
-        'number of bytes of each answer that reach the host', _short_answers, 20, 0, 34
+    'driver_error': Fault(
+        'the gate driver reports a fault',
+        lambda board, _, __: board.raise_error(board.DRIVER_ERROR),
     ),
-    'slow_bus': Fault('duration of a frame exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
+    'board_timeout': Fault('the board receives no frames', _fault('deaf', lambda _: True)),
+    'mute_board': Fault('the board receives frames but sends none', _fault('mute', lambda _: True)),
+    'short_answers': Fault(
+        'number of bytes of each answer that reach the host', _fault('answer_bytes', int), 20, 0, 34
+    ),
+    'slow_bus': Fault('duration of a frame exchange [s]', _fault('exchange_time'), 2e-3, 0.0, 1.0),
     'swapped_channels': Fault(
         "the board's two motors, with their encoders, are swapped; inject the fault again "
         'to swap them back',
@@ -224,26 +186,28 @@ FAULTS: dict[str, Fault] = {
         _wrong_sign,
     ),
     'wrong_ratio': Fault(
-        'motor turns per joint turn of the installed gear', _wrong_ratio, 27.0, 1.0, 1e4
+        'motor turns per joint turn of the installed gear', _wiring('reduction'), 27.0, 1.0, 1e4
     ),
     'weak_driver': Fault(
-        'fraction of the requested current that a motor receives', _weak_driver, 0.5, 0.0, 1.0
+        'fraction of the requested current that a motor receives',
+        _wiring('delivery'),
+        0.5,
+        0.0,
+        1.0,
     ),
     'high_friction': Fault(
         "factor by which the dry friction of a motor's joint changes",
-        _high_friction,
+        _wiring('friction'),
         5.0,
         0.0,
         100.0,
     ),
     'power_cycle': Fault(
-        'end all faults of the board and switch its supply off and on', _power_cycle
+        'end all faults of the board and switch its supply off and on',
+        lambda board, _, __: board.power_cycle(),
     ),
 }
 
-
-if TYPE_CHECKING:  # see fault_injection
-    from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
 FORM = 'NAME[:BOARD[:MOTOR[:VALUE]]]'
 

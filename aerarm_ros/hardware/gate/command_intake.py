@@ -29,8 +29,6 @@ class CommandBuffer:
         (n,) positions [rad], velocities [rad/s], efforts [Nm].
     """
 
-    __slots__ = ('dq', 'q', 'tau')
-
     def __init__(self, n: int) -> None:
         self.q: Array = np.full(n, np.nan)
         self.dq: Array = np.full(n, np.nan)

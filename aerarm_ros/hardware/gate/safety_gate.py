@@ -53,28 +53,6 @@ class JointLimiter:
         Names of the limits applied in the last call, keys of `LIMITED`.
     """
 
-    __slots__ = (
-        '_effort_max',
-        '_effort_rate_max',
-        '_effort_stop',
-        '_error_max',
-        '_highest',
-        '_last_effort',
-        '_last_position',
-        '_lowest',
-        '_name',
-        '_position_max',
-        '_position_min',
-        '_velocity_max',
-        '_velocity_stop',
-        'barrier',
-        'effort',
-        'effort_limit',
-        'limited',
-        'position',
-        'velocity',
-    )
-
     def __init__(self, joint: JointConfig, settings: BridgeSettings, barrier: JointBarrier) -> None:
         self.position = self.velocity = self.effort = nan
         self.barrier = barrier

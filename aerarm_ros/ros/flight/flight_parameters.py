@@ -10,8 +10,9 @@ from aerarm_ros.autopilot.ardupilot_loop import ArduPilotSetPoints
 from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
 from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
 from aerarm_ros.autopilot.betaflight_link import BetaflightLink
+from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
 from aerarm_ros.autopilot.px4 import Px4Gains
-from aerarm_ros.autopilot.px4_flight import FirmwareFlight, Px4Firmware
+from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.px4_link import (
     COMPANION_PORT,
     OFFBOARD_PORT,
