@@ -375,7 +375,3 @@ def main(args: Sequence[str] | None = None) -> int:
     if options.command in _PROGRAMS:
         _become(options, arguments)
     return run_request(options, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

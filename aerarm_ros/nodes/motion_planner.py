@@ -9,7 +9,6 @@ JSON object with the stamps of goal and trajectory.
 from __future__ import annotations
 
 import json
-import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -150,16 +149,13 @@ class MotionPlannerNode:
         self._asked = Time()  # stamp of the goal for which a motion is being planned
         self._states = StateSampler(self._node, self._names)
         self._trajectories, self._status_publisher = (
-            self._node.create_publisher(topic.type, topic.name, topic.offered)
-            for topic in (topics.JOINT_TRAJECTORY, topics.PLAN_STATUS)
+            topic.publisher(self._node) for topic in (topics.JOINT_TRAJECTORY, topics.PLAN_STATUS)
         )
         for topic, take in (
             (topics.JOINT_GOAL, self._on_joint_goal),
             (topics.TOOL_GOAL, self._on_tool_goal),
         ):
-            self._node.create_subscription(
-                topic.type, topic.name, partial(self._later, take), topic.qos
-            )
+            topic.subscription(self._node, partial(self._later, take))
         self._loop = PeriodicLoop(_PERIOD)
 
     def run(self) -> None:
@@ -271,7 +267,3 @@ class MotionPlannerNode:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, MotionPlannerNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -276,7 +276,3 @@ class MotorBenchNode:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; return exit status 0 if all drives were measured and the results written."""
     return run_node(NAME, MotorBenchNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -93,7 +93,7 @@ def motion(n: int, random: np.random.Generator) -> tuple[np.ndarray, ...]:
 
 def identify(bags: Path, out: Path, count: int, workers: int) -> int:
     """Run the identifier, kill one worker, and print the result."""
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier', '--each', str(bags)]
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'identifier', '--each', str(bags)]
     command += ['--workers', str(workers), '--holdout', '0.3', '--out', str(out)]
     begin, killed, most = time.monotonic(), 0, 0.0
     with subprocess.Popen(command) as process:

@@ -345,8 +345,7 @@ class GroundRecordings:
         self._connection = connection
         self._rate = values.fetch_rate * 1e6 / 8.0 / (BLOCK + 100.0)  # blocks/s
         self._reader = RawReader(node, topics.RECORD_REQUEST.queued(10))
-        topic = topics.RECORD_REPORT
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._publisher = topics.RECORD_REPORT.publisher(node)
         self._folders: dict[str, Path] = {}  # of requested bags, by request
         self._messages: dict[str, SentMessage] = {}
         self._fetch: Fetch | None = None

@@ -191,7 +191,7 @@ class DroneTopics:
         self._latched: dict[int, tuple[bytes, SentMessage]] = {}
         # newest diagnostics during a loss of connection, by the names of their statuses
         self._kept: dict[tuple[str, ...], SentMessage] = {}
-        self._publishers = [_publisher(node, topic) for topic in COMMANDS]
+        self._publishers = [topic.publisher(node) for topic in COMMANDS]
 
     def update(self, now: float) -> None:
         """Pass messages that were received from the drone's nodes to the connection."""
@@ -455,7 +455,7 @@ class GroundTopics:
     def _publisher(self, topic: Topic) -> Publisher:
         publisher = self._publishers.get(topic.name)
         if publisher is None:
-            publisher = self._publishers[topic.name] = _publisher(self._node, topic)
+            publisher = self._publishers[topic.name] = topic.publisher(self._node)
         return publisher
 
 
@@ -501,10 +501,6 @@ def _waiting(reader: RawReader, index: int) -> Iterator[bytes]:
         if message is None:
             return
         yield message[0]
-
-
-def _publisher(node: Node, topic: Topic) -> Publisher:
-    return node.create_publisher(topic.type, topic.name, topic.offered)
 
 
 @dataclass

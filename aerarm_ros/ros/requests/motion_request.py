@@ -88,8 +88,7 @@ class RejectionWatch:
         self._touched: dict[str, tuple[int, str]] = {}
         self._before: tuple[dict[str, tuple[int, str]], ...] = ({}, {})
         self._modes: dict[str, str] = {}  # the arm's mode that each controller reports
-        topic = topics.DIAGNOSTICS
-        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
+        topics.DIAGNOSTICS.subscription(node, self._on_diagnostics)
 
     def begin(self, timeout: float) -> None:
         """Wait for the controllers' diagnostics, and store their counts of rejections and contacts.
@@ -148,12 +147,8 @@ class _MotionRequest:
         self._node = node
         self._mode = ''
         self._rejections = RejectionWatch(node)
-        topic = self._TOPIC
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
-        self._listen(topics.ARM_MODE, self._on_mode)
-
-    def _listen(self, topic: Topic, callback: Callable[..., None]) -> None:
-        self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
+        self._publisher = self._TOPIC.publisher(node)
+        topics.ARM_MODE.subscription(node, self._on_mode)
 
     def _on_mode(self, message: String) -> None:
         self._mode = message.data
@@ -188,7 +183,7 @@ class SetPointRequest(_MotionRequest):
     def __init__(self, node: Node) -> None:
         super().__init__(node)
         self._state: JointState | None = None
-        self._listen(topics.JOINT_STATES, self._on_state)
+        topics.JOINT_STATES.subscription(node, self._on_state)
 
     def go(
         self,
@@ -318,7 +313,7 @@ class ToolRequest(_MotionRequest):
     def __init__(self, node: Node) -> None:
         super().__init__(node)
         self._pose: PoseStamped | None = None
-        self._listen(topics.TOOL_POSE, self._on_pose)
+        topics.TOOL_POSE.subscription(node, self._on_pose)
 
     def go(
         self,
@@ -425,7 +420,7 @@ class PressRequest(_MotionRequest):
         self._reports = 0
         self._phase, self._force, self._text = '', 0.0, ''
         self._rejected, self._reason = 0, ''
-        self._listen(topics.DIAGNOSTICS, self._on_diagnostics)
+        topics.DIAGNOSTICS.subscription(node, self._on_diagnostics)
 
     def press(
         self,
