@@ -95,14 +95,14 @@ class JointStateLayout:
         """Return stamp and views of the fields of a payload; None if it has another layout."""
         if len(payload) < self.size:
             return None
-        seconds, nanoseconds, *counts = self._numbers.unpack_from(payload)
-        if tuple(counts) != self._counts:
+        numbers = self._numbers.unpack_from(payload)
+        if numbers[2:] != self._counts:
             return None
-        fields = (
+        fields = [
             None if offset is None else np.frombuffer(payload, _DOUBLES, self._n, offset)
             for offset in self._offsets
-        )
-        return JointSample(seconds * _NANOSECONDS + nanoseconds, *fields)
+        ]
+        return JointSample(numbers[0] * _NANOSECONDS + numbers[1], *fields)
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Return which of M payloads, the rows of an (M, size) array, have this layout."""
