@@ -1,8 +1,8 @@
 """Functions that read a bag: joint states as arrays, topics, lost messages."""
 
 import warnings
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from pathlib import Path
 
@@ -60,22 +60,19 @@ class JointStateSeries:
         KeyError
             If the series lacks a joint.
         """
-        index = {name: k for k, name in enumerate(self.names)}
-        missing = [name for name in names if name not in index]
+        missing = [name for name in names if name not in self.names]
         if missing:
             raise KeyError(
                 f'joints {missing} are missing from the recorded joints {list(self.names)}: check '
                 'the joint names'
             )
-        order = [index[name] for name in names]
-        return JointStateSeries(
-            tuple(names),
-            self.stamp,
-            self.log_time,
-            self.position[:, order],
-            self.velocity[:, order],
-            self.effort[:, order],
-            self.sequence,
+        order = [self.names.index(name) for name in names]
+        return replace(
+            self,
+            names=tuple(names),
+            position=self.position[:, order],
+            velocity=self.velocity[:, order],
+            effort=self.effort[:, order],
         )
 
 
@@ -397,17 +394,6 @@ def _missed_between(diagnostics: list[bytes]) -> int | None:
     return counts[-1] - counts[0] if counts and counts[-1] >= counts[0] else None
 
 
-__all__ = [
-    'BagError',
-    'BagWarning',
-    'JointStateSeries',
-    'TopicSummary',
-    'joint_state_blocks',
-    'read_joint_states',
-    'topics',
-]
-
-
 def read_joint_states(
     path: Path | str, topic: str = '/joint_states', limits: ReadLimits | None = None
 ) -> JointStateSeries:
@@ -433,41 +419,6 @@ def read_joint_states(
         If the bag or the topic cannot be read; the message states what to check.
     """
     return read_contents(path, topic, limits=limits).joint_states['/' + topic.lstrip('/')]
-
-
-def joint_state_blocks(
-    path: Path | str, topic: str = '/joint_states'
-) -> Iterator[JointStateSeries]:
-    """Yield the messages of a JointState topic in parts; suits bags larger than the memory.
-
-    Later parts may have more columns: the names of a part begin with those of the previous part.
-    For parameters and errors see `read_joint_states`.
-    """
-    decoder = JointStateDecoder()
-    for block in Bag(path).messages(topic, JOINT_STATE):
-        try:
-            stamp_ns, values = decoder.decode(block.payloads)
-        except ValueError as error:
-            raise BagError(
-                f'topic {topic} of the bag {path} cannot be decoded ({error}): check that the bag '
-                'is complete'
-            ) from error
-        yield JointStateSeries(
-            names=tuple(decoder.names),
-            stamp=stamp_ns / 1e9,
-            log_time=block.log_time / 1e9,
-            position=values[:, 0],
-            velocity=values[:, 1],
-            effort=values[:, 2],
-            sequence=block.sequence,
-        )
-    if decoder.irregular:
-        warnings.warn(
-            f'topic {topic} of the bag {path}: {decoder.irregular} fields do not have one value '
-            'per joint name and were ignored',
-            BagWarning,
-            stacklevel=2,
-        )
 
 
 def topics(path: Path | str) -> dict[str, TopicSummary]:
