@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 
 import numpy as np
@@ -83,11 +83,8 @@ class RejectionWatch:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        # Number and newest text of rejections and contacts, by controller; now and at `begin`.
-        self._rejected: dict[str, tuple[int, str]] = {}
-        self._touched: dict[str, tuple[int, str]] = {}
-        self._before: tuple[dict[str, tuple[int, str]], ...] = ({}, {})
-        self._modes: dict[str, str] = {}  # the arm's mode that each controller reports
+        self._values: dict[str, dict[str, str]] = {}  # newest values of each status
+        self._before = self._values.copy()  # at the call of `begin`
         topics.DIAGNOSTICS.subscription(node, self._on_diagnostics)
 
     def begin(self, timeout: float) -> None:
@@ -99,32 +96,34 @@ class RejectionWatch:
             Longest time for a new controller to receive the arm's mode [s]. Without the mode, the
             controller rejects every input.
         """
-        if spin_until(self._node, lambda: self._modes, _REPORT):
-            spin_until(self._node, lambda: any(self._modes.values()), timeout)
-        self._before = dict(self._rejected), dict(self._touched)
+        if spin_until(self._node, lambda: list(self._modes()), _REPORT):
+            spin_until(self._node, lambda: any(self._modes()), timeout)
+        self._before = self._values.copy()
 
     def reason(self) -> str:
         """Return why a controller rejected an input after the call of `begin`, '' if none did."""
-        before, _ = self._before
-        later = self._rejected.items()
-        return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
+        known = self._values.keys() & self._before.keys()
+        return self._news(known, _COUNT, _REASON)
 
     def touch(self) -> str:
         """Return how a contact ended a motion after the call of `begin`, '' if none did."""
-        _, before = self._before
-        later = self._touched.items()
-        return next((how for name, (n, how) in later if n > before.get(name, (0, ''))[0]), '')
+        return self._news(self._values, _REACTIONS, 'last motion')
+
+    def _news(self, names: Iterable[str], count: str, text: str) -> str:
+        """Return the value `text` of the first status whose `count` has increased, or ''."""
+        for name in names:
+            values, before = self._values[name], self._before.get(name, {})
+            if int(values.get(count, 0)) > int(before.get(count, 0)):
+                return values.get(text, '')
+        return ''
+
+    def _modes(self) -> Iterator[str]:
+        """Yield the arm's mode that each controller reports."""
+        return (values[_MODE] for values in self._values.values() if _MODE in values)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            if _REACTIONS in values:
-                how = values.get('last motion', '')
-                self._touched[status.name] = int(values[_REACTIONS]), how
-            if _COUNT in values:
-                self._rejected[status.name] = int(values[_COUNT]), values[_REASON]
-            if _MODE in values:
-                self._modes[status.name] = values[_MODE]
+            self._values[status.name] = {pair.key: pair.value for pair in status.values}
 
 
 _REACTION = 'contact_reaction'  # parameter of the controllers
@@ -160,6 +159,24 @@ class _MotionRequest:
                 f'the arm cannot move in the arm_mode {self._mode}: run '
                 f'{to_switch_on(self._mode)} first'
             )
+
+    def _find_controller(
+        self,
+        is_there: Callable[[], bool],
+        quiet: float,
+        timeout: float,
+        on_wait: Callable[[], None],
+        missing: str,
+    ) -> None:
+        """Wait for a controller and a mode that permits motion, or raise ArmClientError.
+
+        After `quiet` [s] the method calls `on_wait`.
+        """
+        if not spin_until(self._node, is_there, min(timeout, quiet)):
+            on_wait()
+            if not spin_until(self._node, is_there, timeout):
+                raise ArmClientError(missing)
+        self._require_held()
 
     def _wait(self, ended: Callable[[], bool], timeout: float) -> bool:
         """Return whether the motion ended in time, or raise ArmClientError if it was rejected."""
@@ -388,13 +405,8 @@ class ToolRequest(_MotionRequest):
             return has_pose and self._publisher.get_subscription_count() > 0
 
         what = f'a controller that moves the tool, such as {controller}, in {this_domain()}'
-        if not spin_until(self._node, is_there, min(timeout, 1.0)):
-            on_wait(what)
-            if not spin_until(self._node, is_there, timeout):
-                raise ArmClientError(
-                    f'no controller publishes the pose of the tool: start a bridge and {what}'
-                )
-        self._require_held()
+        missing = f'no controller publishes the pose of the tool: start a bridge and {what}'
+        self._find_controller(is_there, 1.0, timeout, lambda: on_wait(what), missing)
 
     def _on_pose(self, message: PoseStamped) -> None:
         self._pose = message
@@ -419,7 +431,6 @@ class PressRequest(_MotionRequest):
         super().__init__(node)
         self._reports = 0
         self._phase, self._force, self._text = '', 0.0, ''
-        self._rejected, self._reason = 0, ''
         topics.DIAGNOSTICS.subscription(node, self._on_diagnostics)
 
     def press(
@@ -446,19 +457,17 @@ class PressRequest(_MotionRequest):
         message = WrenchStamped()
         f = message.wrench.force
         f.x, f.y, f.z = (float(x) for x in force)
-        before, rejected, wanted = self._reports, self._rejected, float(np.linalg.norm(force))
+        self._rejections.begin(timeout)
+        before, wanted = self._reports, float(np.linalg.norm(force))
         self._publisher.publish(message)
 
         def ended() -> bool:
-            # The first report may be older than the force.
-            if self._rejected > rejected or self._reports < before + 2:
-                return self._rejected > rejected
+            if self._reports < before + 2:
+                return False  # the first report may be older than the force
             reached = abs(self._force - wanted) <= _FORCE_TOLERANCE
             return self._phase == _NO_CONTACT or self._phase == _CONTACT and reached
 
-        in_time = spin_until(self._node, ended, timeout)
-        if self._rejected > rejected:
-            raise ArmClientError(rejection(self._reason))
+        in_time = self._wait(ended, timeout)
         if wanted == 0.0 and self._phase == _NO_CONTACT:
             return 'the contact has ended'
         if self._phase == _NO_CONTACT:
@@ -476,14 +485,12 @@ class PressRequest(_MotionRequest):
         def is_there() -> bool:
             return bool(self._publisher.get_subscription_count() and self._reports and self._mode)
 
-        if not spin_until(self._node, is_there, min(timeout, _REPORT)):
-            on_wait(f'world_control in {this_domain()}')
-            if not spin_until(self._node, is_there, timeout):
-                raise ArmClientError(
-                    'no controller accepts a tool force: start a bridge, and start world_control '
-                    f'with an observer_gain above 0, in {this_domain()}'
-                )
-        self._require_held()
+        missing = (
+            'no controller accepts a tool force: start a bridge, and start world_control with an '
+            f'observer_gain above 0, in {this_domain()}'
+        )
+        what = f'world_control in {this_domain()}'
+        self._find_controller(is_there, _REPORT, timeout, lambda: on_wait(what), missing)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -492,4 +499,3 @@ class PressRequest(_MotionRequest):
                 self._reports += 1
                 self._phase, self._text = values[TOOL_FORCE_PHASE], status.message
                 self._force = float(values[TOOL_FORCE])
-                self._rejected, self._reason = int(values[_COUNT]), values[_REASON]
