@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr, decode_joint_state
@@ -17,7 +15,7 @@ from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.states.state_stream import Answers, decoded_odometry, to_imu_sample
+from aerarm_ros.ros.states.state_stream import Answers, decoded_imu, decoded_odometry
 
 
 class RotorCommands:
@@ -120,12 +118,8 @@ class FlightStream:
         """Return all unread IMU samples, and report and skip invalid samples."""
         samples = []
         while (raw := self._reader.take(_IMU)) is not None:
-            try:
-                samples.append(to_imu_sample(deserialize_message(raw[0], Imu)))
-            except RejectedInputError as error:
-                self._reject(str(error))
-            except RuntimeError as error:
-                self._reject(f'imu: {error}')
+            sample = decoded_imu(raw[0], self._reject)
+            samples += [] if sample is None else [sample]
         return samples
 
     def destroy(self) -> None:

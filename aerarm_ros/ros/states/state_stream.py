@@ -343,13 +343,8 @@ class StateStream:
             if self._gives_all and info['received_timestamp'] > self._received_ns:
                 self._early.append((payload, info))
                 continue
-            try:
-                sample = to_imu_sample(deserialize_message(payload, Imu))
-            except RejectedInputError as error:
-                self._reject(str(error))
-            except RuntimeError as error:  # RMWError: not a valid message
-                self._reject(f'imu: {error}')
-            else:
+            sample = decoded_imu(payload, self._reject)
+            if sample is not None:
                 samples.append((sample, self._received_ns - info['received_timestamp']))
         return samples
 
@@ -408,6 +403,17 @@ def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry 
     except RuntimeError as error:  # RMWError: not a valid message
         reject(f'odometry: {error}')
         return None
+
+
+def decoded_imu(payload: bytes, reject: Callable[[str], None]) -> ImuSample | None:
+    """Decode a serialized IMU message; report an invalid message and return None."""
+    try:
+        return to_imu_sample(deserialize_message(payload, Imu))
+    except RejectedInputError as error:
+        reject(str(error))
+    except RuntimeError as error:  # RMWError: not a valid message
+        reject(f'imu: {error}')
+    return None
 
 
 def to_imu_sample(message: Imu) -> ImuSample:
