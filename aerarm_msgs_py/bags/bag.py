@@ -18,6 +18,7 @@ from aerarm_msgs_py.storage.read_limits import (
     MessageBlock,
     ReadBudget,
     ReadLimits,
+    reading,
 )
 
 FILE = 'metadata.yaml'
@@ -251,7 +252,9 @@ class Bag:
         self._unused = ''  # reason why metadata.yaml is not used
         self._information = self._read_information()
         paths = self._find_paths()
-        self.budget = ReadBudget(self.path, _size(paths), limits)
+        with reading(self.path, 'bag'):
+            size = sum(path.stat().st_size for path in paths)
+        self.budget = ReadBudget(self.path, size, limits)
         self._report = DamageReport(self.path)
         self._files = [_opened(file, self.budget) for file in paths]
 
@@ -416,13 +419,8 @@ class Bag:
 
 def _files_in(folder: Path) -> list[Path]:
     """Return the bag files in a folder, all of one storage format, in natural order."""
-    try:
+    with reading(folder, 'bag'):
         names = [file for file in folder.iterdir() if file.is_file()]
-    except OSError as error:
-        raise BagError(
-            f'the bag {folder} cannot be read ({error.strerror}): check the path and its '
-            'permissions'
-        ) from error
     for suffixes in (('.mcap',), _OTHER_STORAGES):
         found = [file for file in names if file.name.endswith(suffixes)]
         if found:
@@ -438,16 +436,6 @@ def _opened(path: Path, budget: ReadBudget) -> BagFile:
 
         return ForeignFile(path, budget)
     return McapFile(path, budget)
-
-
-def _size(paths: list[Path]) -> int:
-    try:
-        return sum(path.stat().st_size for path in paths)
-    except OSError as error:
-        raise BagError(
-            f'the bag {paths[0].parent} cannot be read ({error.strerror}): check the path and its '
-            'permissions'
-        ) from error
 
 
 def _natural_order(path: Path) -> list[tuple[int, str]]:

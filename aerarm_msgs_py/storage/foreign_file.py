@@ -23,7 +23,7 @@ import numpy as np
 from aerarm_msgs_py.codecs.cdr import Payloads
 from aerarm_msgs_py.storage.compressed_file import BagFile
 from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
-from aerarm_msgs_py.storage.read_limits import BagError, MessageBlock, ReadBudget
+from aerarm_msgs_py.storage.read_limits import BagError, MessageBlock, ReadBudget, reading
 
 _BEGINNINGS = {
     '.bag': (b'#ROSBAG V2.0\n', 'a ROS 1 bag (format version 2.0)'),
@@ -100,15 +100,9 @@ class ForeignFile(BagFile):
 
     def _checked_size(self) -> int:
         beginning, kind = _BEGINNINGS[self.path.suffix]
-        try:
+        with reading(self.path), self.path.open('rb') as stream:
             size = self.path.stat().st_size
-            with self.path.open('rb') as stream:
-                found = stream.read(len(beginning))
-        except OSError as error:
-            raise BagError(
-                f'the file {self.path} cannot be read ({error.strerror}): check the path and its '
-                'permissions'
-            ) from error
+            found = stream.read(len(beginning))
         if not size:
             raise BagError(f'the file {self.path} is empty: record or copy it again')
         if found != beginning:

@@ -32,7 +32,13 @@ from aerarm_msgs_py.storage.mcap_walk import (
     read_summary,
     walk,
 )
-from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
+from aerarm_msgs_py.storage.read_limits import (
+    BagError,
+    DamageReport,
+    MessageBlock,
+    ReadBudget,
+    reading,
+)
 
 Keys = NDArray[np.uint64]
 
@@ -137,18 +143,12 @@ class McapFile(BagFile):
         BagError
             If the file cannot be opened, is empty or not MCAP, or would exceed the memory limit.
         """
-        try:
-            with self.path.open('rb') as stream:
-                size = os.fstat(stream.fileno()).st_size
-                self._check_magic(stream.read(len(MAGIC)))
-                self._begin(read_summary(stream, size, self._budget.part_bytes))
-                for run in self._runs(stream, size, topics):
-                    yield from self._blocks_of(run, topics)
-        except OSError as error:
-            raise BagError(
-                f'the file {self.path} cannot be read ({error.strerror}): check the path and its '
-                'permissions'
-            ) from error
+        with reading(self.path), self.path.open('rb') as stream:
+            size = os.fstat(stream.fileno()).st_size
+            self._check_magic(stream.read(len(MAGIC)))
+            self._begin(read_summary(stream, size, self._budget.part_bytes))
+            for run in self._runs(stream, size, topics):
+                yield from self._blocks_of(run, topics)
         self._report.finish()
 
     def _check_magic(self, found: bytes) -> None:

@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +15,18 @@ from aerarm_msgs_py.codecs.cdr import Payloads
 
 class BagError(ValueError):
     """A bag cannot be read or written; the message states what to check."""
+
+
+@contextmanager
+def reading(path: Path, what: str = 'file') -> Iterator[None]:
+    """Convert an OSError of a `with` block to a BagError that names the file or bag `path`."""
+    try:
+        yield
+    except OSError as error:
+        raise BagError(
+            f'the {what} {path} cannot be read ({error.strerror}): check the path and its '
+            'permissions'
+        ) from error
 
 
 class BagWarning(UserWarning):

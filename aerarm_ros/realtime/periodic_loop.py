@@ -24,7 +24,7 @@ class _Timespec(ctypes.Structure):
     _fields_ = (('tv_sec', ctypes.c_long), ('tv_nsec', ctypes.c_long))
 
 
-_clock_nanosleep = getattr(ctypes.CDLL(None), 'clock_nanosleep', None)
+_clock_nanosleep = ctypes.CDLL(None).clock_nanosleep
 
 
 def sleep_until(deadline_ns: int) -> None:
@@ -44,9 +44,6 @@ def sleep_until(deadline_ns: int) -> None:
     OSError
         If the system call fails.
     """
-    if _clock_nanosleep is None:  # not Linux
-        time.sleep(max(0, deadline_ns - time.monotonic_ns()) / _NANOSECONDS)
-        return
     until = ctypes.byref(_Timespec(*divmod(deadline_ns, _NANOSECONDS)))
     # An interrupted sleep returns here, so that Python runs its signal handlers.
     while (error := _clock_nanosleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, until, None)) != 0:
