@@ -170,10 +170,7 @@ class JointStateCdr:
         if not self.names or len(set(self.names)) != len(self.names):
             raise ValueError(f'joint names must not be empty or repeated: check {list(names)}')
         self.frame_id = frame_id
-        self._prefix = CdrPrefix(_PREFIX_OFFSET)
-        self._prefix.add_string(frame_id)
-        self._prefix.add_strings(self.names)
-        self._prefix.align(4)
+        self._prefix = CdrPrefix(_PREFIX_OFFSET, frame_id, self.names)
         self._layouts = {
             full: JointStateLayout(self._prefix, len(self.names), full)
             for full in product((True, False), repeat=3)
