@@ -135,22 +135,16 @@ def _is_file_name(name: str) -> bool:
 def _counts(document: Any) -> dict[str, int] | None:
     """Return the number of messages of each topic; None if a number is invalid."""
     counts: dict[str, int] = {}
-    for name, count in _entries(document):
-        if not isinstance(name, str) or isinstance(count, bool) or not isinstance(count, int):
-            return None
-        if not 0 <= count <= _MOST_MESSAGES:
-            return None
-        counts[name] = counts.get(name, 0) + count
-    return counts or None
-
-
-def _entries(document: Any) -> Iterator[tuple[Any, Any]]:
     topics = document.get('topics_with_message_count')
     for entry in topics if isinstance(topics, list) else ():
         try:
-            yield entry['topic_metadata']['name'], entry['message_count']
+            name, count = entry['topic_metadata']['name'], entry['message_count']
         except (KeyError, TypeError, IndexError):
-            yield None, None
+            return None
+        if not isinstance(name, str) or type(count) is not int or not 0 <= count <= _MOST_MESSAGES:
+            return None
+        counts[name] = counts.get(name, 0) + count
+    return counts or None
 
 
 class RecordedMessage(NamedTuple):
@@ -295,23 +289,16 @@ class Bag:
             if block is not None:
                 yield block
 
-    def messages(self, topic: str, message_type: str) -> Iterator[MessageBlock]:
-        """Yield the messages of a topic, which must have the given message type.
-
-        Raises
-        ------
-        BagError
-            If a file cannot be read, or if the topic is missing, has no messages or another type.
-        """
-        yield from self.messages_and(topic, message_type, ())
-
     def messages_and(
         self, topic: str, message_type: str, others: Collection[str]
     ) -> Iterator[MessageBlock]:
         """Yield the messages of one required topic and of optional topics.
 
-        The required topic must have the given message type. Raises the errors of `messages` for the
-        required topic only.
+        Raises
+        ------
+        BagError
+            If a file cannot be read, or if the required topic is missing, has no messages or not
+            the given message type.
         """
         name = '/' + topic.lstrip('/')
         empty = True

@@ -209,8 +209,8 @@ class SetPointRequest(_MotionRequest):
         timeout: float,
         on_wait: Callable[[str], None] = lambda _: None,
         reaction: str = '',
-    ) -> None:
-        """Move the arm to a posture and wait until it arrives.
+    ) -> str:
+        """Move the arm to a posture, wait until it arrives, and return the result.
 
         Parameters
         ----------
@@ -242,6 +242,7 @@ class SetPointRequest(_MotionRequest):
                 request = ParameterRequest(self._node, controller, timeout)
                 stack.enter_context(request.during(_REACTION, reaction))
             self._move(names, posture, tolerance, timeout)
+        return 'the arm has reached its goal'
 
     def _move(
         self, names: list[str], posture: Sequence[float], tolerance: float, timeout: float
@@ -339,8 +340,8 @@ class ToolRequest(_MotionRequest):
         timeout: float,
         on_wait: Callable[[str], None] = lambda _: None,
         frame: str = BASE,
-    ) -> None:
-        """Move the tool to a position and wait until it arrives.
+    ) -> str:
+        """Move the tool to a position, wait until it arrives, and return the result.
 
         Parameters
         ----------
@@ -384,6 +385,7 @@ class ToolRequest(_MotionRequest):
                 f'the tool is still {distance():.3f} m away from its goal after {timeout:g} s, '
                 f'and arm_mode is {self._mode}: check the log of the controller'
             )
+        return 'the tool has reached its goal'
 
     def _require_frame(self, wanted: str, given: str) -> None:
         if wanted == WORLD and given.endswith(_BASE_LINK):

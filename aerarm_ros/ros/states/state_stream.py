@@ -363,21 +363,13 @@ class StateStream:
         if message is None:
             return None
         payload, info = message
-        names, sample = self._rotors.names, self._rotors.unpack(payload)
         try:
-            if sample is None:
-                names, sample = decode_joint_state(payload)
+            names, stamp_ns, thrust = decoded_rotors(self._rotors, payload)
         except ValueError as error:
             self._reject(f'rotor_command: {error}')
             return None
-        if sample.effort is None:
-            self._reject(
-                'rotor_command rejected, because the field effort is empty: send the thrust of '
-                'each rotor [N] in this field'
-            )
-            return None
         lead_ns = self._received_ns - info['received_timestamp']
-        return RotorThrusts(names, sample.effort, sample.stamp_ns * 1e-9, lead_ns)
+        return RotorThrusts(names, thrust, stamp_ns * 1e-9, lead_ns)
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""
@@ -394,6 +386,20 @@ class StateStream:
                 'this node and the bridge'
             )
             return None
+
+
+def decoded_rotors(
+    cdr: JointStateCdr, payload: bytes
+) -> tuple[tuple[str, ...], int, NDArray[np.float64]]:
+    """Return rotor names, stamp [ns] and thrusts [N] of a rotor command; raises ValueError."""
+    names, sample = cdr.names, cdr.unpack(payload)
+    if sample is None:
+        names, sample = decode_joint_state(payload)
+    if sample.effort is None:
+        raise ValueError(
+            'the field effort is empty: send the thrust of each rotor [N] in this field'
+        )
+    return names, sample.stamp_ns, sample.effort
 
 
 def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry | None:
