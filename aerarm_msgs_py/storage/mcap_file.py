@@ -265,7 +265,12 @@ class McapFile(BagFile):
             starts, definitions, unread = walk(records, self._budget)
             for opcode, content in definitions:
                 self._topics.register(opcode, content)
-            self._check_walk(run, starts.tolist(), unread)
+            if unread and run.place:
+                self._report.add(
+                    f'in {run.place}, the {unread} bytes after {len(starts)} messages are not '
+                    'messages and are ignored',
+                    unread,
+                )
             if not run.indexes.agree_with(starts):
                 self._report.add(
                     f'the index after {run.place} lists {run.indexes.messages} messages, but the '
@@ -280,15 +285,6 @@ class McapFile(BagFile):
                 yield from self._block(
                     self._topics.names[index], records, headers[own], starts[own]
                 )
-
-    def _check_walk(self, run: RecordRun, starts: list[int], unread: int) -> None:
-        """Report bytes of a complete chunk that are not messages."""
-        if unread and run.place:
-            self._report.add(
-                f'in {run.place}, the {unread} bytes after {len(starts)} messages are not '
-                'messages and are ignored',
-                unread,
-            )
 
     def _block(
         self, topic: str, records: bytes, headers: NDArray[np.void], starts: NDArray[np.int64]

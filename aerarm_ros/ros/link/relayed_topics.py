@@ -25,7 +25,7 @@ from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.link.connection import BULK, MESSAGE_MAX, PROMPT, Connection, SentMessage
 
-_HEAD = struct.Struct('<qHH')  # stamp, samples, numbers
+_HEAD = struct.Struct('<qH')  # stamp, numbers
 
 
 class Window(NamedTuple):
@@ -35,49 +35,41 @@ class Window(NamedTuple):
     ----------
     stamp_ns
         Stamp of the newest sample [ns].
-    samples
-        Number of samples.
     newest, minimum, maximum : (n,) ndarray
         Newest sample, and extremes of each of the n numbers. The extremes are NaN where a sample of
         the window is NaN.
     """
 
     stamp_ns: int
-    samples: int
     newest: NDArray[np.float64]
     minimum: NDArray[np.float64]
     maximum: NDArray[np.float64]
 
 
-def window_of(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> Window:
-    """Summarize samples of shape (n,); `stamp_ns` [ns] is the stamp of the last sample."""
+def pack_window(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> bytes:
+    """Summarize samples (n,) as bytes: the newest in single, the extremes in half precision.
+
+    `stamp_ns` [ns] is the stamp of the last sample.
+    """
     rows = np.stack(samples)
-    return Window(stamp_ns, len(rows), rows[-1], rows.min(axis=0), rows.max(axis=0))
-
-
-def pack_window(window: Window) -> bytes:
-    """Encode a window as bytes: newest sample in single, extremes in half precision."""
-    newest = window.newest.astype('<f4')
+    newest = rows[-1].astype('<f4')
     with np.errstate(over='ignore', invalid='ignore'):
-        below = _rounded_up(newest - window.minimum)
-        above = _rounded_up(window.maximum - newest)
-    head = _HEAD.pack(window.stamp_ns, min(window.samples, 65535), len(newest))
-    return head + newest.tobytes() + below.tobytes() + above.tobytes()
+        below = _rounded_up(newest - rows.min(axis=0))
+        above = _rounded_up(rows.max(axis=0) - newest)
+    parts = newest, below, above
+    return _HEAD.pack(stamp_ns, len(newest)) + b''.join(part.tobytes() for part in parts)
 
 
 def unpack_window(content: bytes) -> Window:
     """Decode a window from bytes; raise ValueError if the bytes are invalid."""
-    if len(content) < _HEAD.size:
-        raise ValueError(f'a window of joint states has only {len(content)} bytes')
-    stamp_ns, count, n = _HEAD.unpack_from(content)
+    stamp_ns, n = _HEAD.unpack_from(content.ljust(_HEAD.size, b'\0'))
     if len(content) != _HEAD.size + 8 * n:
         raise ValueError(
             f'a window of joint states has {len(content)} bytes instead of {_HEAD.size + 8 * n}'
         )
-    place = _HEAD.size
-    newest = np.frombuffer(content, '<f4', n, place).astype(float)
-    below, above = np.frombuffer(content, '<f2', 2 * n, place + 4 * n).astype(float).reshape(2, n)
-    return Window(stamp_ns, count, newest, newest - below, newest + above)
+    newest = np.frombuffer(content, '<f4', n, _HEAD.size).astype(float)
+    below, above = np.frombuffer(content, '<f2', 2 * n, _HEAD.size + 4 * n).reshape(2, n)
+    return Window(stamp_ns, newest, newest - below, newest + above)
 
 
 def _rounded_up(distance: NDArray[np.float64]) -> NDArray[np.float16]:
@@ -317,7 +309,7 @@ class JointStateStream:
             samples, slot.samples = slot.samples, []
             if samples:
                 self._slots[key] = self._slots.pop(key)  # the last used is the last
-                content = pack_window(window_of(slot.stamp_ns, samples))
+                content = pack_window(slot.stamp_ns, samples)
                 yield slot.place, _LAYOUT.pack(zlib.crc32(slot.text)) + content
 
     def _learn(self, payload: bytes) -> tuple[JointStateCdr, JointSample] | None:
