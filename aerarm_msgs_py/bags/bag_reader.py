@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerarm_msgs_py.bags.bag import Bag
-from aerarm_msgs_py.codecs.cdr import CdrReader, Payloads, diagnostic_values
+from aerarm_msgs_py.codecs.cdr import CdrReader, diagnostic_values
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder
 from aerarm_msgs_py.sequence_gaps import SequenceGaps
 from aerarm_msgs_py.storage.read_limits import (
@@ -158,21 +158,21 @@ class JointStateBuilder:
         """
         if self._thinned is not None:
             self._thin_out(2 * self._thinned)
-        payloads, log_time, sequence = self._kept(block)
-        if self._most is not None and self._count + len(payloads) > self._most:
-            self.left_out += len(payloads) - (self._most - self._count)
-            payloads = payloads[: self._most - self._count]
-        if not len(payloads):
+        block = self._kept(block)
+        if self._most is not None and self._count + len(block.payloads) > self._most:
+            self.left_out += len(block.payloads) - (self._most - self._count)
+            block = block.chosen(slice(self._most - self._count))
+        if not len(block.payloads):
             return
         singly = self._decoder.singly
-        stamp_ns, values = self._decoder.decode(payloads)
+        stamp_ns, values = self._decoder.decode(block.payloads)
         if self._budget:
             self._budget.spend(values.nbytes + _SINGLE_BYTES * (self._decoder.singly - singly))
         first, last = self._count, self._count + len(stamp_ns)
         self._reserve(last, values.shape[2])
         self._times[first:last, 0] = stamp_ns
-        self._times[first:last, 1] = log_time[: last - first]
-        self._sequence[first:last] = sequence[: last - first]
+        self._times[first:last, 1] = block.log_time
+        self._sequence[first:last] = block.sequence
         for k, numbers in enumerate(self._fields):
             numbers[first:last] = values[:, k]
         self._count = last
@@ -200,13 +200,11 @@ class JointStateBuilder:
             self._times, self._sequence = self._times[order], self._sequence[order]
             self._fields = [numbers[order] for numbers in self._fields]
 
-    def _kept(self, block: MessageBlock) -> tuple[Payloads, NDArray[np.int64], NDArray[np.int64]]:
-        """Return the messages of a block to keep, one per stride, with time and sequence number."""
+    def _kept(self, block: MessageBlock) -> MessageBlock:
+        """Return the messages of a block to keep, one per stride."""
         part = slice(-self._seen % self._stride, None, self._stride)
         self._seen += len(block.payloads)
-        if self._stride == 1:
-            return block.payloads, block.log_time, block.sequence
-        return block.payloads[part], block.log_time[part], block.sequence[part]
+        return block if self._stride == 1 else block.chosen(part)
 
     def _thin_out(self, limit: int) -> None:
         """Remove every second kept message and double the stride if `limit` is reached."""

@@ -184,23 +184,19 @@ class Payloads(Sequence[bytes]):
     def __getitem__(self, index: int) -> bytes: ...
 
     @overload
-    def __getitem__(self, index: slice) -> 'Payloads': ...
+    def __getitem__(self, index: slice | NDArray[np.bool_]) -> 'Payloads': ...
 
-    def __getitem__(self, index: int | slice) -> 'bytes | Payloads':
-        """Return one message, or the messages of a slice."""
-        if isinstance(index, slice):
-            return Payloads(self._buffer, self._starts[index], self.sizes[index])
-        start = int(self._starts[index])
-        return self._buffer[start : start + int(self.sizes[index])]
+    def __getitem__(self, index: int | slice | NDArray[np.bool_]) -> 'bytes | Payloads':
+        """Return one message, or the messages of a slice or mask (K,)."""
+        if isinstance(index, int):
+            start = int(self._starts[index])
+            return self._buffer[start : start + int(self.sizes[index])]
+        return Payloads(self._buffer, self._starts[index], self.sizes[index])
 
     def __iter__(self) -> Iterator[bytes]:
         buffer = self._buffer
         for start, size in zip(self._starts.tolist(), self.sizes.tolist(), strict=True):
             yield buffer[start : start + size]
-
-    def chosen(self, which: NDArray[np.bool_]) -> 'Payloads':
-        """Return the messages that the mask (K,) selects."""
-        return Payloads(self._buffer, self._starts[which], self.sizes[which])
 
     def rows(self, index: NDArray[np.intp]) -> NDArray[np.uint8]:
         """Return the messages as the rows of an array; all must have the same size.
