@@ -19,12 +19,6 @@ from aerarm_msgs_py.topics import Topic
 RawMessage = tuple[bytes, dict[str, Any]]
 
 _TAKEN, _NOTHING = 0, 401  # RCL_RET_OK, RCL_RET_SUBSCRIPTION_TAKE_FAILED
-_CALLS = ('rcl_take_serialized_message',)
-_ARRAY_CALLS = (
-    'rcutils_get_default_allocator',
-    'rcutils_uint8_array_init',
-    'rcutils_uint8_array_fini',
-)
 
 
 class _Allocator(ctypes.Structure):
@@ -88,17 +82,11 @@ class IdentifiedTake:
 
     @staticmethod
     def available() -> bool:
-        """Return whether the installed ROS has the required C functions and struct layouts."""
+        """Return whether the installed rclpy is that of Jazzy, with these functions and structs."""
         try:
-            rcl, arrays = ctypes.PyDLL('librcl.so'), ctypes.PyDLL('librcutils.so')
-            jazzy = version('rclpy').startswith('7.1.')
-        except (OSError, PackageNotFoundError):
+            return version('rclpy').startswith('7.1.')
+        except PackageNotFoundError:
             return False
-        return (
-            jazzy
-            and all(hasattr(rcl, call) for call in _CALLS)
-            and all(hasattr(arrays, call) for call in _ARRAY_CALLS)
-        )
 
     def take(self, subscription: Any) -> RawMessage | None:
         """Return the oldest waiting message of a subscription (rclpy handle), with its info.

@@ -5,6 +5,7 @@ service. `Topic.qos` is the profile of the suite's subscriptions. Publishers use
 which matches all subscriptions.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -13,7 +14,10 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped, InertiaStamped, PointStamped, PoseStamped, WrenchStamped
 from nav_msgs.msg import Odometry, Path
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool, Float64, Float64MultiArray, String
@@ -41,10 +45,16 @@ class Topic:
 
     def queued(self, depth: int) -> 'Topic':
         """Return the topic with queue depth `depth`, for subscribers that need every message."""
-        qos = QoSProfile(
-            depth=depth, reliability=self.qos.reliability, durability=self.qos.durability
-        )
+        qos = _keep_last(depth, self.qos.reliability, self.qos.durability)
         return Topic(self.name, self.type, qos)
+
+    def publisher(self, node: Node) -> Publisher:
+        """Create a publisher of this topic on a node."""
+        return node.create_publisher(self.type, self.name, self.offered)
+
+    def subscription(self, node: Node, callback: Callable[[Any], object]) -> Subscription:
+        """Subscribe to this topic on a node, whose executor calls `callback` with each message."""
+        return node.create_subscription(self.type, self.name, callback, self.qos)
 
     @property
     def offered(self) -> QoSProfile:
@@ -55,12 +65,7 @@ class Topic:
         subscriber: new messages replace those that the subscriber has not received. Best-effort
         subscriptions work as with a best-effort publisher, at no extra cost.
         """
-        return QoSProfile(
-            history=self.qos.history,
-            depth=self.qos.depth,
-            reliability=ReliabilityPolicy.RELIABLE,
-            durability=self.qos.durability,
-        )
+        return _keep_last(self.qos.depth, ReliabilityPolicy.RELIABLE, self.qos.durability)
 
     @property
     def type_name(self) -> str:
@@ -101,6 +106,7 @@ TOOL_GOAL = Topic('tool_goal', PointStamped, RELIABLE)
 PLAN_STATUS = Topic('plan_status', String, LATCHED)
 SET_POINT = Topic('set_point', JointState, RELIABLE)
 TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
+TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 # A timed path of the tool in the odometry's frame, with one transform per point.
 TOOL_MOTION = Topic('tool_motion', MultiDOFJointTrajectory, RELIABLE)
 # Desired force of the tool on a wall in the odometry's frame [N]; zero ends the contact. And the
@@ -111,7 +117,6 @@ PLANNED_CONTACT = Topic('planned_contact', WrenchStamped, NEWEST)
 # out of reach [m]. The last entry is the time [s] until the tool is out of reach at the base's
 # present velocity.
 ARM_REACH = Topic('arm_reach', Float64MultiArray, NEWEST)
-TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 IMU = Topic('imu', Imu, SENSOR)
 # Pose of the drone's body in the world frame, and its twist in body axes.
 ODOMETRY = Topic('odometry', Odometry, SENSOR)
@@ -124,21 +129,12 @@ TRUE_WALL_FORCE = Topic('true_wall_force', WrenchStamped, SENSOR)
 # Rotor names, and the thrust of each rotor [N] as effort, with the stamp of the answered odometry.
 ROTOR_COMMAND = Topic('rotor_command', JointState, NEWEST)
 # Position at which the drone hovers, and timed path of the drone.
-FLIGHT_TRAJECTORY = Topic('flight_trajectory', MultiDOFJointTrajectory, RELIABLE)
 FLIGHT_SET_POINT = Topic('flight_set_point', PoseStamped, RELIABLE)
+FLIGHT_TRAJECTORY = Topic('flight_trajectory', MultiDOFJointTrajectory, RELIABLE)
 BASE_WRENCH = Topic('base_wrench', WrenchStamped, NEWEST)
 ARM_INERTIA = Topic('arm_inertia', InertiaStamped, NEWEST)
 ARM_COM = Topic('arm_com', PointStamped, NEWEST)
-# Payload of the last link, in its frame; and friction, one row per kind and one column per joint.
-PAYLOAD = Topic('payload', InertiaStamped, NEWEST)
-JOINT_FRICTION = Topic('joint_friction', Float64MultiArray, NEWEST)
-ARM_MODE = Topic('arm_mode', String, LATCHED)
-# Repeated request of a commissioning client to the bridge, and its answer: JSON objects, see
-# `aerarm_ros.hardware.boards.commissioning_probe`.
-COMMISSIONING_REQUEST = Topic('commissioning_request', String, RELIABLE)
-COMMISSIONING_REPORT = Topic('commissioning_report', String, RELIABLE)
-TOOL_PATH = Topic('tool_path', Path, LATCHED)
-DISTURBANCE = Topic('disturbance', JointState, NEWEST)
+STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, NEWEST)
 # Predicted wrenches of the arm on its drone, caused by its weight along the thrust and by joint
 # motion, and the acceleration by which the rotors compensate the joint motion. The stamp is the
 # time of the prediction.
@@ -153,72 +149,30 @@ EXTERNAL_TORQUE = Topic('external_torque', JointState, NEWEST)
 CONTACT = Topic('contact', Bool, NEWEST)
 CONTACT_CONFIDENCE = Topic('contact_confidence', Float64, NEWEST)
 CONTACT_FORCE = Topic('contact_force', WrenchStamped, NEWEST)
-STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, NEWEST)
+DISTURBANCE = Topic('disturbance', JointState, NEWEST)
+TOOL_PATH = Topic('tool_path', Path, LATCHED)
 ROBOT_DESCRIPTION = Topic('robot_description', String, LATCHED)
+# Payload of the last link, in its frame; and friction, one row per kind and one column per joint.
+PAYLOAD = Topic('payload', InertiaStamped, NEWEST)
+JOINT_FRICTION = Topic('joint_friction', Float64MultiArray, NEWEST)
+ARM_MODE = Topic('arm_mode', String, LATCHED)
+# Repeated request of a commissioning client to the bridge, and its answer: JSON objects, see
+# `aerarm_ros.hardware.boards.commissioning_probe`.
+COMMISSIONING_REQUEST = Topic('commissioning_request', String, RELIABLE)
+COMMISSIONING_REPORT = Topic('commissioning_report', String, RELIABLE)
 RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
+# Stamp of the newest joint state that the recorder has received.
+RECORDED_UNTIL = Topic('recorded_until', Time, NEWEST)
+DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, RELIABLE)
+# Simulated time, for nodes with use_sim_time.
+CLOCK = Topic('/clock', Clock, NEWEST)
+
+TOPICS = MappingProxyType(
+    {topic.name: topic for topic in tuple(globals().values()) if isinstance(topic, Topic)}
+)
+"""Topics of the suite by name, which the recorder accepts."""
+
 # Request and report of a computer that records on another computer through ground_link: JSON
 # objects, see `aerarm_ros.ros.link.recordings`.
 RECORD_REQUEST = Topic('record_request', String, RELIABLE)
 RECORD_REPORT = Topic('record_report', String, LATCHED)
-# Stamp of the newest joint state that the recorder has received.
-RECORDED_UNTIL = Topic('recorded_until', Time, NEWEST)
-# Simulated time, for nodes with use_sim_time.
-CLOCK = Topic('/clock', Clock, NEWEST)
-DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, RELIABLE)
-
-TOPICS = MappingProxyType(
-    {
-        topic.name: topic
-        for topic in (
-            JOINT_STATES,
-            MOTOR_STATES,
-            MOTOR_POWER,
-            ENERGY,
-            JOINT_COMMAND,
-            JOINT_TRAJECTORY,
-            PLANNED_MOTION,
-            JOINT_GOAL,
-            TOOL_GOAL,
-            PLAN_STATUS,
-            SET_POINT,
-            TOOL_TRAJECTORY,
-            TOOL_POSE,
-            TOOL_MOTION,
-            TOOL_FORCE,
-            PLANNED_CONTACT,
-            ARM_REACH,
-            IMU,
-            ODOMETRY,
-            TRUE_ODOMETRY,
-            EXTERNAL_ODOMETRY,
-            TRUE_WALL_FORCE,
-            ROTOR_COMMAND,
-            FLIGHT_SET_POINT,
-            FLIGHT_TRAJECTORY,
-            BASE_WRENCH,
-            ARM_INERTIA,
-            ARM_COM,
-            STATIC_WRENCH,
-            WEIGHT_WRENCH,
-            MOTION_WRENCH,
-            FEEDFORWARD_ACCELERATION,
-            CONTACT_WRENCH,
-            EXTERNAL_TORQUE,
-            CONTACT,
-            CONTACT_CONFIDENCE,
-            CONTACT_FORCE,
-            DISTURBANCE,
-            TOOL_PATH,
-            ROBOT_DESCRIPTION,
-            PAYLOAD,
-            JOINT_FRICTION,
-            ARM_MODE,
-            COMMISSIONING_REQUEST,
-            COMMISSIONING_REPORT,
-            RECORDER_STATUS,
-            RECORDED_UNTIL,
-            DIAGNOSTICS,
-            CLOCK,
-        )
-    }
-)

@@ -18,6 +18,7 @@ from aerarm_msgs_py.storage.read_limits import (
     MessageBlock,
     ReadBudget,
     ReadLimits,
+    reading,
 )
 
 FILE = 'metadata.yaml'
@@ -134,22 +135,16 @@ def _is_file_name(name: str) -> bool:
 def _counts(document: Any) -> dict[str, int] | None:
     """Return the number of messages of each topic; None if a number is invalid."""
     counts: dict[str, int] = {}
-    for name, count in _entries(document):
-        if not isinstance(name, str) or isinstance(count, bool) or not isinstance(count, int):
-            return None
-        if not 0 <= count <= _MOST_MESSAGES:
-            return None
-        counts[name] = counts.get(name, 0) + count
-    return counts or None
-
-
-def _entries(document: Any) -> Iterator[tuple[Any, Any]]:
     topics = document.get('topics_with_message_count')
     for entry in topics if isinstance(topics, list) else ():
         try:
-            yield entry['topic_metadata']['name'], entry['message_count']
+            name, count = entry['topic_metadata']['name'], entry['message_count']
         except (KeyError, TypeError, IndexError):
-            yield None, None
+            return None
+        if not isinstance(name, str) or type(count) is not int or not 0 <= count <= _MOST_MESSAGES:
+            return None
+        counts[name] = counts.get(name, 0) + count
+    return counts or None
 
 
 class RecordedMessage(NamedTuple):
@@ -251,7 +246,9 @@ class Bag:
         self._unused = ''  # reason why metadata.yaml is not used
         self._information = self._read_information()
         paths = self._find_paths()
-        self.budget = ReadBudget(self.path, _size(paths), limits)
+        with reading(self.path, 'bag'):
+            size = sum(path.stat().st_size for path in paths)
+        self.budget = ReadBudget(self.path, size, limits)
         self._report = DamageReport(self.path)
         self._files = [_opened(file, self.budget) for file in paths]
 
@@ -292,23 +289,16 @@ class Bag:
             if block is not None:
                 yield block
 
-    def messages(self, topic: str, message_type: str) -> Iterator[MessageBlock]:
-        """Yield the messages of a topic, which must have the given message type.
-
-        Raises
-        ------
-        BagError
-            If a file cannot be read, or if the topic is missing, has no messages or another type.
-        """
-        yield from self.messages_and(topic, message_type, ())
-
     def messages_and(
         self, topic: str, message_type: str, others: Collection[str]
     ) -> Iterator[MessageBlock]:
         """Yield the messages of one required topic and of optional topics.
 
-        The required topic must have the given message type. Raises the errors of `messages` for the
-        required topic only.
+        Raises
+        ------
+        BagError
+            If a file cannot be read, or if the required topic is missing, has no messages or not
+            the given message type.
         """
         name = '/' + topic.lstrip('/')
         empty = True
@@ -416,13 +406,8 @@ class Bag:
 
 def _files_in(folder: Path) -> list[Path]:
     """Return the bag files in a folder, all of one storage format, in natural order."""
-    try:
+    with reading(folder, 'bag'):
         names = [file for file in folder.iterdir() if file.is_file()]
-    except OSError as error:
-        raise BagError(
-            f'the bag {folder} cannot be read ({error.strerror}): check the path and its '
-            'permissions'
-        ) from error
     for suffixes in (('.mcap',), _OTHER_STORAGES):
         found = [file for file in names if file.name.endswith(suffixes)]
         if found:
@@ -438,16 +423,6 @@ def _opened(path: Path, budget: ReadBudget) -> BagFile:
 
         return ForeignFile(path, budget)
     return McapFile(path, budget)
-
-
-def _size(paths: list[Path]) -> int:
-    try:
-        return sum(path.stat().st_size for path in paths)
-    except OSError as error:
-        raise BagError(
-            f'the bag {paths[0].parent} cannot be read ({error.strerror}): check the path and its '
-            'permissions'
-        ) from error
 
 
 def _natural_order(path: Path) -> list[tuple[int, str]]:

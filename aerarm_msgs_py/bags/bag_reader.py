@@ -1,8 +1,8 @@
 """Functions that read a bag: joint states as arrays, topics, lost messages."""
 
 import warnings
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerarm_msgs_py.bags.bag import Bag
-from aerarm_msgs_py.codecs.cdr import CdrReader, Payloads, diagnostic_values
+from aerarm_msgs_py.codecs.cdr import CdrReader, diagnostic_values
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder
 from aerarm_msgs_py.sequence_gaps import SequenceGaps
 from aerarm_msgs_py.storage.read_limits import (
@@ -60,22 +60,19 @@ class JointStateSeries:
         KeyError
             If the series lacks a joint.
         """
-        index = {name: k for k, name in enumerate(self.names)}
-        missing = [name for name in names if name not in index]
+        missing = [name for name in names if name not in self.names]
         if missing:
             raise KeyError(
                 f'joints {missing} are missing from the recorded joints {list(self.names)}: check '
                 'the joint names'
             )
-        order = [index[name] for name in names]
-        return JointStateSeries(
-            tuple(names),
-            self.stamp,
-            self.log_time,
-            self.position[:, order],
-            self.velocity[:, order],
-            self.effort[:, order],
-            self.sequence,
+        order = [self.names.index(name) for name in names]
+        return replace(
+            self,
+            names=tuple(names),
+            position=self.position[:, order],
+            velocity=self.velocity[:, order],
+            effort=self.effort[:, order],
         )
 
 
@@ -161,21 +158,21 @@ class JointStateBuilder:
         """
         if self._thinned is not None:
             self._thin_out(2 * self._thinned)
-        payloads, log_time, sequence = self._kept(block)
-        if self._most is not None and self._count + len(payloads) > self._most:
-            self.left_out += len(payloads) - (self._most - self._count)
-            payloads = payloads[: self._most - self._count]
-        if not len(payloads):
+        block = self._kept(block)
+        if self._most is not None and self._count + len(block.payloads) > self._most:
+            self.left_out += len(block.payloads) - (self._most - self._count)
+            block = block.chosen(slice(self._most - self._count))
+        if not len(block.payloads):
             return
         singly = self._decoder.singly
-        stamp_ns, values = self._decoder.decode(payloads)
+        stamp_ns, values = self._decoder.decode(block.payloads)
         if self._budget:
             self._budget.spend(values.nbytes + _SINGLE_BYTES * (self._decoder.singly - singly))
         first, last = self._count, self._count + len(stamp_ns)
         self._reserve(last, values.shape[2])
         self._times[first:last, 0] = stamp_ns
-        self._times[first:last, 1] = log_time[: last - first]
-        self._sequence[first:last] = sequence[: last - first]
+        self._times[first:last, 1] = block.log_time
+        self._sequence[first:last] = block.sequence
         for k, numbers in enumerate(self._fields):
             numbers[first:last] = values[:, k]
         self._count = last
@@ -203,13 +200,11 @@ class JointStateBuilder:
             self._times, self._sequence = self._times[order], self._sequence[order]
             self._fields = [numbers[order] for numbers in self._fields]
 
-    def _kept(self, block: MessageBlock) -> tuple[Payloads, NDArray[np.int64], NDArray[np.int64]]:
-        """Return the messages of a block to keep, one per stride, with time and sequence number."""
+    def _kept(self, block: MessageBlock) -> MessageBlock:
+        """Return the messages of a block to keep, one per stride."""
         part = slice(-self._seen % self._stride, None, self._stride)
         self._seen += len(block.payloads)
-        if self._stride == 1:
-            return block.payloads, block.log_time, block.sequence
-        return block.payloads[part], block.log_time[part], block.sequence[part]
+        return block if self._stride == 1 else block.chosen(part)
 
     def _thin_out(self, limit: int) -> None:
         """Remove every second kept message and double the stride if `limit` is reached."""
@@ -397,17 +392,6 @@ def _missed_between(diagnostics: list[bytes]) -> int | None:
     return counts[-1] - counts[0] if counts and counts[-1] >= counts[0] else None
 
 
-__all__ = [
-    'BagError',
-    'BagWarning',
-    'JointStateSeries',
-    'TopicSummary',
-    'joint_state_blocks',
-    'read_joint_states',
-    'topics',
-]
-
-
 def read_joint_states(
     path: Path | str, topic: str = '/joint_states', limits: ReadLimits | None = None
 ) -> JointStateSeries:
@@ -433,41 +417,6 @@ def read_joint_states(
         If the bag or the topic cannot be read; the message states what to check.
     """
     return read_contents(path, topic, limits=limits).joint_states['/' + topic.lstrip('/')]
-
-
-def joint_state_blocks(
-    path: Path | str, topic: str = '/joint_states'
-) -> Iterator[JointStateSeries]:
-    """Yield the messages of a JointState topic in parts; suits bags larger than the memory.
-
-    Later parts may have more columns: the names of a part begin with those of the previous part.
-    For parameters and errors see `read_joint_states`.
-    """
-    decoder = JointStateDecoder()
-    for block in Bag(path).messages(topic, JOINT_STATE):
-        try:
-            stamp_ns, values = decoder.decode(block.payloads)
-        except ValueError as error:
-            raise BagError(
-                f'topic {topic} of the bag {path} cannot be decoded ({error}): check that the bag '
-                'is complete'
-            ) from error
-        yield JointStateSeries(
-            names=tuple(decoder.names),
-            stamp=stamp_ns / 1e9,
-            log_time=block.log_time / 1e9,
-            position=values[:, 0],
-            velocity=values[:, 1],
-            effort=values[:, 2],
-            sequence=block.sequence,
-        )
-    if decoder.irregular:
-        warnings.warn(
-            f'topic {topic} of the bag {path}: {decoder.irregular} fields do not have one value '
-            'per joint name and were ignored',
-            BagWarning,
-            stacklevel=2,
-        )
 
 
 def topics(path: Path | str) -> dict[str, TopicSummary]:

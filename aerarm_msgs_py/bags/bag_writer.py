@@ -49,12 +49,8 @@ class BagMetadata:
     def add(self, topic: int, log_time: int) -> None:
         """Count a stored message, and update the bag's first and last time of reception."""
         self.counts[topic] += 1
-        if self.start is None or self.end is None:
-            self.start = self.end = log_time
-        elif log_time > self.end:
-            self.end = log_time
-        elif log_time < self.start:
-            self.start = log_time
+        self.start = log_time if self.start is None else min(self.start, log_time)
+        self.end = log_time if self.end is None else max(self.end, log_time)
 
     def to_yaml(self) -> str:
         """Return the text of metadata.yaml."""
@@ -166,10 +162,7 @@ class BagWriter:
             self._writer = McapWriter(self._stream, topics, compression)
             self._store_metadata()
         except OSError as error:
-            raise BagError(
-                f'the bag {self.directory} cannot be written ({error.strerror}): check permissions '
-                'and free space'
-            ) from error
+            raise self._error(error) from error
         self._queue: deque[RecordedMessage] = deque()
         self._held: list[RecordedMessage] = []
         self._failure: Exception | None = None
@@ -239,11 +232,14 @@ class BagWriter:
 
     def _check(self) -> None:
         if self._failure is not None:
-            reason = getattr(self._failure, 'strerror', None) or self._failure
-            raise BagError(
-                f'the bag {self.directory} cannot be written ({reason}): check permissions and '
-                'free space'
-            ) from self._failure
+            raise self._error(self._failure) from self._failure
+
+    def _error(self, error: Exception) -> BagError:
+        reason = getattr(error, 'strerror', None) or error
+        return BagError(
+            f'the bag {self.directory} cannot be written ({reason}): check permissions and free '
+            'space'
+        )
 
     def _make_directory(self) -> None:
         try:

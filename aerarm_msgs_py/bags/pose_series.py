@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -62,12 +62,6 @@ class PoseSeries:
         return len(self.stamp)
 
 
-@dataclass
-class _Rows:
-    kind: str
-    rows: list[list[float]] = field(default_factory=list)
-
-
 def read_poses(
     path: Path | str,
     topics: Collection[str] = (),
@@ -99,52 +93,42 @@ def read_poses(
     """
     bag = Bag(path, limits)
     wanted = {'/' + topic.lstrip('/') for topic in topics}
-    found: dict[str, _Rows] = {}
+    found: dict[str, tuple[str, list[list[float]]]] = {}
     for block in bag.blocks(wanted or None):
-        decode = _DECODERS.get(block.type)
-        if decode is None:
+        if block.type not in KINDS:
             continue
         log_time = (block.log_time / 1e9).tolist()
         for time, payload in zip(log_time, block.payloads, strict=True):
             bag.budget.spend(_ROW)
             try:
-                for name, row in decode(CdrReader(payload)):
+                for name, row in _decode(payload, block.type):
                     if name and frames and name not in frames:
                         continue
-                    series = found.setdefault(name or block.topic, _Rows(block.type))
-                    series.rows.append([row[0], time, *row[1:]])
+                    _, rows = found.setdefault(name or block.topic, (block.type, []))
+                    rows.append([row[0], time, *row[1:]])
             except ValueError as error:
                 raise BagError(
                     f'topic {block.topic} of the bag {path} cannot be decoded ({error}): check '
                     'that the bag is complete'
                 ) from error
-        if sum(len(series.rows) for series in found.values()) > _MOST:
+        if sum(len(rows) for _, rows in found.values()) > _MOST:
             raise BagError(
                 f'the bag {path} contains more than {_MOST} poses: cut the bag to the motion that '
                 'you need'
             )
-    return {name: _series(name, rows) for name, rows in found.items()}
+    return {name: _series(name, kind, rows) for name, (kind, rows) in found.items()}
 
 
-def _series(name: str, rows: _Rows) -> PoseSeries:
-    values = np.array(rows.rows, dtype=float)
+def _series(name: str, kind: str, rows: list[list[float]]) -> PoseSeries:
+    values = np.array(rows, dtype=float)
     values = values[np.argsort(values[:, 0], kind='stable')]
     kept = np.concatenate([[True], np.diff(values[:, 0]) > 0.0])
     values = values[kept]
-    return PoseSeries(
-        name,
-        rows.kind,
-        values[:, 0],
-        values[:, 1],
-        values[:, 2:5],
-        values[:, 5:9],
-        values[:, 9:12],
-        values[:, 12:15],
-    )
+    return PoseSeries(name, kind, *values[:, :2].T, *np.split(values[:, 2:], _PARTS, axis=1))
 
 
+_PARTS = 3, 7, 10  # first columns of quaternion, angular velocity and acceleration
 _NONE = [float('nan')]
-_Decoded = Iterator[tuple[str, list[float]]]
 
 
 def _header(reader: CdrReader) -> float:
@@ -157,47 +141,23 @@ def _doubles(reader: CdrReader, count: int) -> list[float]:
     return reader.fixed_doubles(count).tolist()  # type: ignore[no-any-return]
 
 
-def _point(reader: CdrReader) -> _Decoded:
-    yield '', [_header(reader), *_doubles(reader, 3), *10 * _NONE]
+def _pose(reader: CdrReader, kind: str) -> tuple[str, list[float]]:
+    """Return the child frame, if any, and the numbers of a message after its stamp."""
+    if kind == POINT:
+        return '', [*_doubles(reader, 3), *10 * _NONE]
+    child = reader.string() if kind in (TRANSFORM, TF, ODOMETRY) else ''
+    return child if kind == TF else '', [*_doubles(reader, 7), *6 * _NONE]
 
 
-def _pose(reader: CdrReader) -> _Decoded:
-    yield '', [_header(reader), *_doubles(reader, 7), *6 * _NONE]
+def _imu(reader: CdrReader) -> list[float]:
+    numbers = _doubles(reader, 4 + _COVARIANCE + 3 + _COVARIANCE + 3)
+    return [*3 * _NONE, *numbers[:4], *numbers[13:16], *numbers[-3:]]
 
 
-def _transform(reader: CdrReader) -> _Decoded:
-    stamp = _header(reader)
-    reader.string()
-    yield '', [stamp, *_doubles(reader, 7), *6 * _NONE]
-
-
-def _transforms(reader: CdrReader) -> _Decoded:
-    for _ in range(reader.uint32()):
+def _decode(payload: bytes, kind: str) -> Iterator[tuple[str, list[float]]]:
+    """Yield the child frame of each pose in a message, or '', with its stamp and numbers."""
+    reader = CdrReader(payload)
+    for _ in range(reader.uint32() if kind == TF else 1):
         stamp = _header(reader)
-        child = reader.string()
-        yield child, [stamp, *_doubles(reader, 7), *6 * _NONE]
-
-
-def _odometry(reader: CdrReader) -> _Decoded:
-    stamp = _header(reader)
-    reader.string()
-    yield '', [stamp, *_doubles(reader, 7), *6 * _NONE]
-
-
-def _imu(reader: CdrReader) -> _Decoded:
-    stamp = _header(reader)
-    quaternion = _doubles(reader, 4)
-    _doubles(reader, _COVARIANCE)
-    angular = _doubles(reader, 3)
-    _doubles(reader, _COVARIANCE)
-    yield '', [stamp, *3 * _NONE, *quaternion, *angular, *_doubles(reader, 3)]
-
-
-_DECODERS: dict[str, Callable[[CdrReader], _Decoded]] = {
-    POINT: _point,
-    POSE: _pose,
-    TRANSFORM: _transform,
-    TF: _transforms,
-    ODOMETRY: _odometry,
-    IMU: _imu,
-}
+        name, numbers = ('', _imu(reader)) if kind == IMU else _pose(reader, kind)
+        yield name, [stamp, *numbers]

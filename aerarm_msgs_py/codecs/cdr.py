@@ -14,7 +14,7 @@ LITTLE_ENDIAN = b'\x00\x01'
 
 
 class CdrPrefix:
-    """Constant first fields of a message type, to compare messages without alignment padding.
+    """Constant texts of a message type, to compare messages without alignment padding.
 
     Fast CDR does not clear the padding after a string. Two messages with equal content can
     therefore differ in the padding, and a comparison of all bytes would sometimes reject a valid
@@ -25,48 +25,29 @@ class CdrPrefix:
     ----------
     start
         Offset of the first constant byte.
+    text, texts
+        A string and a sequence of strings, followed by padding to a multiple of 4 bytes.
 
     Attributes
     ----------
     end
         Offset of the first byte after the prefix.
+    content
+        Bytes of the constant fields, with zeros as padding.
     """
 
-    def __init__(self, start: int) -> None:
-        self.start = start
-        self.end = start
-        self._bytes = bytearray()
-        self._mask = bytearray()
-        self._value = 0
-        self._mask_value = 0
-        self._recent = b''
-
-    @property
-    def content(self) -> bytes:
-        """Bytes of the constant fields, with zeros as padding."""
-        return bytes(self._bytes)
-
-    def add_uint32(self, value: int) -> None:
-        """Append an unsigned 32-bit number, aligned to 4 bytes."""
-        self.align(4)
-        self._append(struct.pack('<I', value))
-
-    def add_string(self, text: str) -> None:
-        """Append a string: its length including the final zero, then its bytes."""
-        encoded = text.encode() + b'\0'
-        self.add_uint32(len(encoded))
-        self._append(encoded)
-
-    def add_strings(self, texts: Sequence[str]) -> None:
-        """Append a sequence of strings: its length, then each string."""
-        self.add_uint32(len(texts))
-        for text in texts:
-            self.add_string(text)
-
-    def align(self, size: int) -> None:
-        """Append padding up to a multiple of `size` bytes."""
-        padding = -(self.end - ENCAPSULATION_SIZE) % size
-        self._append(bytes(padding), known=False)
+    def __init__(self, start: int, text: str, texts: Sequence[str]) -> None:
+        content, mask = b'', b''
+        strings = [item.encode() + b'\0' for item in (text, *texts)]
+        parts = [struct.pack('<I', len(item)) + item for item in strings]
+        for part in (parts[0], struct.pack('<I', len(texts)), *parts[1:], b''):
+            padding = bytes(-(start + len(content) - ENCAPSULATION_SIZE) % 4)
+            content += padding + part
+            mask += padding + b'\xff' * len(part)
+        self.start, self.end = start, start + len(content)
+        self.content = self._recent = content
+        self._value, self._mask = (int.from_bytes(part, 'little') for part in (content, mask))
+        self._known, self._known_mask = (np.frombuffer(part, np.uint8) for part in (content, mask))
 
     def matches(self, payload: bytes) -> bool:
         """Return whether a payload is little-endian CDR and contains these fields at `start`."""
@@ -75,9 +56,9 @@ class CdrPrefix:
         found = payload[self.start : self.end]
         if found == self._recent:
             return True
-        if len(found) < len(self._bytes):
+        if len(found) < len(self.content):
             return False
-        if int.from_bytes(found, 'little') & self._mask_value != self._value:
+        if int.from_bytes(found, 'little') & self._mask != self._value:
             return False
         # The padding of a publisher seldom changes, so this avoids most masked comparisons.
         self._recent = found
@@ -87,23 +68,10 @@ class CdrPrefix:
         """Return which of M payloads, the rows of an (M, size) array, contain these fields."""
         if rows.shape[1] < self.end:
             return np.zeros(len(rows), bool)
-        parts = rows[:, : len(LITTLE_ENDIAN)], rows[:, self.start : self.end]
-        if len(rows) > 1 and all((part == part[0]).all() for part in parts):  # as nearly always
-            return np.repeat(self.matching_rows(rows[:1]), len(rows))
-        known = np.frombuffer(bytes(self._bytes), np.uint8)
-        mask = np.frombuffer(bytes(self._mask), np.uint8)
         encapsulation = np.frombuffer(LITTLE_ENDIAN, np.uint8)
-        same: NDArray[np.bool_] = (parts[0] == encapsulation).all(1)
-        same &= (parts[1] & mask == known).all(1)
-        return same
-
-    def _append(self, data: bytes, *, known: bool = True) -> None:
-        self._bytes += data
-        self._mask += (b'\xff' if known else b'\x00') * len(data)
-        self.end = self.start + len(self._bytes)
-        self._value = int.from_bytes(self._bytes, 'little')
-        self._mask_value = int.from_bytes(self._mask, 'little')
-        self._recent = bytes(self._bytes)
+        same = (rows[:, : len(LITTLE_ENDIAN)] == encapsulation).all(1)
+        same &= (rows[:, self.start : self.end] & self._known_mask == self._known).all(1)
+        return np.asarray(same)
 
 
 class CdrReader:
@@ -216,23 +184,19 @@ class Payloads(Sequence[bytes]):
     def __getitem__(self, index: int) -> bytes: ...
 
     @overload
-    def __getitem__(self, index: slice) -> 'Payloads': ...
+    def __getitem__(self, index: slice | NDArray[np.bool_]) -> 'Payloads': ...
 
-    def __getitem__(self, index: int | slice) -> 'bytes | Payloads':
-        """Return one message, or the messages of a slice."""
-        if isinstance(index, slice):
-            return Payloads(self._buffer, self._starts[index], self.sizes[index])
-        start = int(self._starts[index])
-        return self._buffer[start : start + int(self.sizes[index])]
+    def __getitem__(self, index: int | slice | NDArray[np.bool_]) -> 'bytes | Payloads':
+        """Return one message, or the messages of a slice or mask (K,)."""
+        if isinstance(index, int):
+            start = int(self._starts[index])
+            return self._buffer[start : start + int(self.sizes[index])]
+        return Payloads(self._buffer, self._starts[index], self.sizes[index])
 
     def __iter__(self) -> Iterator[bytes]:
         buffer = self._buffer
         for start, size in zip(self._starts.tolist(), self.sizes.tolist(), strict=True):
             yield buffer[start : start + size]
-
-    def chosen(self, which: NDArray[np.bool_]) -> 'Payloads':
-        """Return the messages that the mask (K,) selects."""
-        return Payloads(self._buffer, self._starts[which], self.sizes[which])
 
     def rows(self, index: NDArray[np.intp]) -> NDArray[np.uint8]:
         """Return the messages as the rows of an array; all must have the same size.

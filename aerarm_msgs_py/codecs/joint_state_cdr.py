@@ -7,9 +7,9 @@ Standard: OMG DDSI-RTPS 2.3, section 10 (CDR, little-endian).
 
 import struct
 from collections import Counter
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,24 +40,24 @@ class JointSample(NamedTuple):
     effort: NDArray[np.float64] | None
 
 
-_COUNT = struct.Struct('<I')
-_DOUBLE = 8
+_STAMP = struct.Struct('<iI')
+_STAMP_OFFSET = ENCAPSULATION_SIZE
+_PREFIX_OFFSET = _STAMP_OFFSET + _STAMP.size
+_FIELDS = ('position', 'velocity', 'effort')
 _DOUBLES = np.dtype('<f8')
-_STAMP_SIZE = 8
 _NANOSECONDS = 1_000_000_000
-_EMPTY = np.empty(0)
 
 
 class JointStateLayout:
-    """Offsets of position, velocity and effort in a serialized JointState.
+    """Offsets of stamp, position, velocity and effort in a serialized JointState.
 
     The offsets depend on which of the three fields are empty. A field consists of a count (4 bytes)
     and the numbers, which are aligned to 8 bytes from the end of the encapsulation.
 
     Parameters
     ----------
-    start
-        Offset of the count of the first field.
+    prefix
+        Fields of the message between its stamp and the count of the first field.
     n
         Number of joints.
     full
@@ -69,89 +69,80 @@ class JointStateLayout:
         Size of the message up to the end of the last field [bytes].
     """
 
-    def __init__(self, start: int, n: int, full: tuple[bool, ...]) -> None:
-        self.n = n
-        self.full = full
-        self._count_offsets: list[int] = []
-        self._data_offsets: list[int] = []
-        numbers = f'{ENCAPSULATION_SIZE}xiI'  # the stamp, then each count
-        end, offset = ENCAPSULATION_SIZE + _STAMP_SIZE, start
-        for is_full in full:
-            numbers += f'{offset - end}xI'
-            self._count_offsets.append(offset)
-            end = offset = offset + _COUNT.size
-            if is_full:
-                offset += -(offset - ENCAPSULATION_SIZE) % _DOUBLE
-            self._data_offsets.append(offset)
-            offset += n * _DOUBLE * is_full
-        self.size = offset
-        self._numbers = struct.Struct('<' + numbers)
+    def __init__(self, prefix: CdrPrefix, n: int, full: tuple[bool, ...]) -> None:
+        self.size = prefix.end
+        self._prefix, self._n = prefix, n
         self._counts = tuple(n * is_full for is_full in full)
-        # Two full fields are separated by a multiple of 8 bytes, so both are slices of one array.
-        self._first = self._data_offsets[full.index(True)] if any(full) else self.size
-        self._span = (self.size - self._first) // _DOUBLE
-        places = [(offset - self._first) // _DOUBLE for offset in self._data_offsets]
-        self._parts = [
-            slice(place, place + n) if is_full else None
-            for place, is_full in zip(places, full, strict=True)
-        ]
+        self._offsets: list[int | None] = []
+        kinds: dict[str, tuple[Any, int]] = {
+            'sec': ('<i4', _STAMP_OFFSET),
+            'nanosec': ('<u4', _STAMP_OFFSET + 4),
+        }
+        numbers, end = f'<{_STAMP_OFFSET}xiI', _PREFIX_OFFSET  # the stamp, then each count
+        for name, is_full in zip(_FIELDS, full, strict=True):
+            kinds[f'{name} count'] = ('<u4', self.size)
+            numbers += f'{self.size - end}xI'
+            end = self.size = self.size + 4
+            if is_full:
+                self.size += -(self.size - ENCAPSULATION_SIZE) % 8
+                kinds[name] = (('<f8', n), self.size)
+            self._offsets.append(self.size if is_full else None)
+            self.size += 8 * n * is_full
+        self._numbers = struct.Struct(numbers)
+        self._dtype = np.dtype(kinds)  # type: ignore[call-overload]
 
-    def stamp_of(self, payload: bytes) -> int | None:
-        """Return the stamp [ns] of a payload; None if its fields do not have this layout."""
+    def sample(self, payload: bytes) -> JointSample | None:
+        """Return stamp and views of the fields of a payload; None if it has another layout."""
         if len(payload) < self.size:
             return None
         numbers = self._numbers.unpack_from(payload)
         if numbers[2:] != self._counts:
             return None
-        return int(numbers[0] * _NANOSECONDS + numbers[1])
+        fields = [
+            None if offset is None else np.frombuffer(payload, _DOUBLES, self._n, offset)
+            for offset in self._offsets
+        ]
+        return JointSample(numbers[0] * _NANOSECONDS + numbers[1], *fields)
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Return which of M payloads, the rows of an (M, size) array, have this layout."""
         if rows.shape[1] < self.size:
             return np.zeros(len(rows), bool)
-        same = np.ones(len(rows), bool)
-        for offset, count in zip(self._count_offsets, self._counts, strict=True):
-            found = np.ascontiguousarray(rows[:, offset : offset + _COUNT.size])
-            same &= found.view('<u4')[:, 0] == count
-        return same
+        records = self._records(rows)
+        counts = zip(_FIELDS, self._counts, strict=True)
+        same = [records[f'{name} count'] == count for name, count in counts]
+        return np.asarray(np.all(same, axis=0))
 
-    def fields(
-        self, payload: bytes
-    ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None, NDArray[np.float64] | None]:
-        """Return views of position, velocity and effort (n,) in a payload with this layout."""
-        numbers = np.frombuffer(payload, _DOUBLES, self._span, self._first)
-        position, velocity, effort = self._parts
-        return (
-            None if position is None else numbers[position],
-            None if velocity is None else numbers[velocity],
-            None if effort is None else numbers[effort],
-        )
+    def read_rows(
+        self,
+        rows: NDArray[np.uint8],
+        which: slice | NDArray[np.bool_],
+        stamp_ns: NDArray[np.int64],
+        values: NDArray[np.float64],
+    ) -> None:
+        """Store stamps (M,) [ns] and values (M, 3, n) of the rows `which`, which have this layout.
 
-    def values_of_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return the values (M, 3, n) of M payloads with this layout; NaN for an empty field."""
-        values = np.full((len(rows), 3, self.n), np.nan)
-        for k, (offset, is_full) in enumerate(zip(self._data_offsets, self.full, strict=True)):
-            if is_full:
-                data = np.ascontiguousarray(rows[:, offset : offset + self.n * _DOUBLE])
-                values[:, k] = data.view('<f8')
-        return values
+        Values of empty fields stay unchanged.
+        """
+        records = self._records(rows)[which]
+        stamp_ns[which] = records['sec'].astype(np.int64) * _NANOSECONDS + records['nanosec']
+        for k, (name, count) in enumerate(zip(_FIELDS, self._counts, strict=True)):
+            if count:
+                values[which, k] = records[name]
 
-    def write_counts(self, buffer: bytearray) -> None:
-        """Write positions, velocities and efforts into the buffer of a payload."""
-        for offset, count in zip(self._count_offsets, self._counts, strict=True):
-            _COUNT.pack_into(buffer, offset, count)
+    def template(self) -> tuple[bytearray, list[NDArray[np.float64]]]:
+        """Return a payload without stamp and values, and writable views of its fields."""
+        buffer = bytearray(self.size)
+        buffer[:2] = LITTLE_ENDIAN
+        buffer[self._prefix.start : self._prefix.end] = self._prefix.content
+        (record,) = self._records(np.frombuffer(buffer, np.uint8)[None])
+        for name, count in zip(_FIELDS, self._counts, strict=True):
+            record[f'{name} count'] = count
+        pairs = zip(_FIELDS, self._counts, strict=True)
+        return buffer, [record[name] if count else np.empty(0) for name, count in pairs]
 
-    def views(self, buffer: bytearray) -> list[NDArray[np.float64]]:
-        """Return writable views of position, velocity and effort; size 0 for an empty field."""
-        return [
-            np.frombuffer(buffer, '<f8', self.n, offset) if is_full else _EMPTY
-            for offset, is_full in zip(self._data_offsets, self.full, strict=True)
-        ]
-
-
-_STAMP = struct.Struct('<iI')
-_STAMP_OFFSET = ENCAPSULATION_SIZE
-_PREFIX_OFFSET = _STAMP_OFFSET + _STAMP.size
+    def _records(self, rows: NDArray[np.uint8]) -> NDArray[np.void]:
+        return np.asarray(rows[:, : self.size].view(self._dtype)[:, 0])
 
 
 class JointStateCdr:
@@ -179,17 +170,14 @@ class JointStateCdr:
         if not self.names or len(set(self.names)) != len(self.names):
             raise ValueError(f'joint names must not be empty or repeated: check {list(names)}')
         self.frame_id = frame_id
-        self._prefix = CdrPrefix(_PREFIX_OFFSET)
-        self._prefix.add_string(frame_id)
-        self._prefix.add_strings(self.names)
-        self._prefix.align(4)
+        self._prefix = CdrPrefix(_PREFIX_OFFSET, frame_id, self.names)
         self._layouts = {
-            full: JointStateLayout(self._prefix.end, len(self.names), full)
-            for full in product((False, True), repeat=3)
+            full: JointStateLayout(self._prefix, len(self.names), full)
+            for full in product((True, False), repeat=3)
         }
         # In most streams the layout does not change, so the last layout is tried first.
         self._recent = self._layouts[(True, True, True)]
-        self._buffers = {full: self._template(layout) for full, layout in self._layouts.items()}
+        self._buffers = {full: layout.template() for full, layout in self._layouts.items()}
 
     def pack(
         self,
@@ -241,13 +229,13 @@ class JointStateCdr:
         """
         if not self._prefix.matches(payload):
             return None
-        stamp_ns = self._recent.stamp_of(payload)
-        if stamp_ns is None:
-            self._recent = self._find_layout(payload) or self._recent
-            stamp_ns = self._recent.stamp_of(payload)
-        if stamp_ns is None:
-            return None
-        return JointSample(stamp_ns, *self._recent.fields(payload))
+        sample = self._recent.sample(payload)
+        if sample is None:
+            for layout in self._layouts.values():
+                if (sample := layout.sample(payload)) is not None:
+                    self._recent = layout
+                    break
+        return sample
 
     def unpack_rows(
         self, rows: NDArray[np.uint8]
@@ -265,52 +253,19 @@ class JointStateCdr:
         stamp_ns : (K,) [ns]
         values : (K, 3, n) position, velocity and effort [rad, rad/s, Nm]; NaN where empty
         """
-        mine = self._prefix.matching_rows(rows)
-        if not mine.any():  # rows may be too short to contain a stamp
-            return mine, np.empty(0, np.int64), np.empty((0, 3, len(self.names)))
-        whole = self._find_layout(rows[0].tobytes()) if mine.all() else None
-        if whole is not None and whole.matching_rows(rows).all():  # as nearly always
-            return mine, _stamps(rows), whole.values_of_rows(rows)
-        left = np.flatnonzero(mine)
+        left = self._prefix.matching_rows(rows)
+        stamp_ns = np.zeros(len(rows), np.int64)
         values = np.full((len(rows), 3, len(self.names)), np.nan)
-        for layout in self._layouts_of(rows, left):
-            same = layout.matching_rows(rows if len(left) == len(rows) else rows[left])
+        mine = np.zeros(len(rows), bool)
+        for layout in self._layouts.values():
+            if not left.any():
+                break
+            same = left & layout.matching_rows(rows)
             if same.any():
-                found = left[same]
-                values[found] = layout.values_of_rows(rows[found])
-                left = left[~same]
-        mine[left] = False
-        return mine, _stamps(rows[mine]), values[mine]
-
-    def _layouts_of(
-        self, rows: NDArray[np.uint8], index: NDArray[np.intp]
-    ) -> Iterator[JointStateLayout]:
-        """Yield all layouts, first the layout of the first row."""
-        if not len(index):
-            return
-        first = self._find_layout(rows[index[0]].tobytes())
-        if first is not None:
-            yield first
-        yield from (x for x in self._layouts.values() if x is not first)
-
-    def _find_layout(self, payload: bytes) -> JointStateLayout | None:
-        layouts = self._layouts.values()
-        return next((x for x in layouts if x.stamp_of(payload) is not None), None)
-
-    def _template(self, layout: JointStateLayout) -> tuple[bytearray, list[NDArray[np.float64]]]:
-        """Return the buffer of a payload, and writable views of its values."""
-        buffer = bytearray(layout.size)
-        buffer[:2] = LITTLE_ENDIAN
-        buffer[self._prefix.start : self._prefix.end] = self._prefix.content
-        layout.write_counts(buffer)
-        return buffer, layout.views(buffer)
-
-
-def _stamps(rows: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return the stamps [ns] of M payloads, the rows of an (M, size) array."""
-    stamp = np.ascontiguousarray(rows[:, _STAMP_OFFSET:_PREFIX_OFFSET])
-    seconds = stamp.view('<i4')[:, 0].astype(np.int64)
-    return np.asarray(seconds * _NANOSECONDS + stamp.view('<u4')[:, 1])
+                layout.read_rows(rows, slice(None) if same.all() else same, stamp_ns, values)
+            mine |= same
+            left &= ~same
+        return (mine, stamp_ns, values) if mine.all() else (mine, stamp_ns[mine], values[mine])
 
 
 # Indices of the messages, (k, 3, m) numbers, and the columns of the m joints.
@@ -343,7 +298,6 @@ class JointStateDecoder:
         self.names: list[str] = []
         self.irregular = 0
         self.singly = 0
-        self._columns: dict[str, int] = {}
         self._codecs: list[tuple[JointStateCdr, list[int]]] = []
         self._learnt = 0
 
@@ -362,9 +316,11 @@ class JointStateDecoder:
             If a payload is not a JointState, contains a joint name twice, or has too many joints.
         """
         stamp_ns = np.zeros(len(payloads), np.int64)
-        decoded: list[_Decoded] = []
-        for index in payloads.groups_of_size():
-            decoded += self._decode_group(payloads, index, stamp_ns)
+        decoded = [
+            part
+            for index in payloads.groups_of_size()
+            for part in self._decode_group(payloads, index, stamp_ns)
+        ]
         if len(decoded) == 1 and decoded[0][2] == list(range(len(self.names))):
             return stamp_ns, decoded[0][1]
         values = np.full((len(payloads), 3, len(self.names)), np.nan)
@@ -373,52 +329,30 @@ class JointStateDecoder:
         return stamp_ns, values
 
     def _decode_group(
-        self, payloads: Payloads, index: NDArray[np.intp], stamp_ns: NDArray[np.int64]
+        self, payloads: Payloads, left: NDArray[np.intp], stamp_ns: NDArray[np.int64]
     ) -> Iterator[_Decoded]:
         """Decode messages of equal size, and yield their values in groups of equal layout."""
-        rows = payloads.rows(index)
-        left = np.arange(len(rows))  # indices of undecoded rows
-        for codec, columns in self._codecs:
-            left = yield from self._rows(codec, columns, rows, left, index, stamp_ns)
+        codecs = tuple(self._codecs)
         while len(left):
-            learnt = self._learnt
-            k = index[left[0]]
-            stamp_ns[k], numbers, columns = self._decode_one(payloads[int(k)])
-            yield index[left[:1]], numbers[None], columns
-            left = left[1:]
-            if self._learnt > learnt:
+            for codec, columns in codecs:
+                mine, stamps, numbers = codec.unpack_rows(payloads.rows(left))
+                if mine.any():
+                    found, left = left[mine], left[~mine]
+                    stamp_ns[found] = stamps
+                    yield found, numbers, columns
+            if len(left):
+                learnt, first = self._learnt, left[:1]
+                stamp_ns[first], numbers, columns = self._decode_one(payloads[int(first[0])])
+                yield first, numbers[None], columns
+                left = left[1:]
                 # The layout of one message usually fits all of the group.
-                codec, columns = self._codecs[-1]
-                left = yield from self._rows(codec, columns, rows, left, index, stamp_ns)
-
-    def _rows(
-        self,
-        codec: JointStateCdr,
-        columns: list[int],
-        rows: NDArray[np.uint8],
-        left: NDArray[np.intp],
-        index: NDArray[np.intp],
-        stamp_ns: NDArray[np.int64],
-    ) -> Generator[_Decoded, None, NDArray[np.intp]]:
-        """Decode the rows in `left` that have a layout of the codec, and return the other rows."""
-        if not len(left):
-            return left
-        mine, stamps, numbers = codec.unpack_rows(rows if len(left) == len(rows) else rows[left])
-        if mine.any():
-            found = index[left[mine]]
-            stamp_ns[found] = stamps
-            yield found, numbers, columns
-        return left[~mine]
+                codecs = tuple(self._codecs[-1:] if self._learnt > learnt else ())
 
     def _decode_one(self, payload: bytes) -> tuple[int, NDArray[np.float64], list[int]]:
         """Return the stamp [ns] of one message, its values (3, m), and the m columns for them."""
         self.singly += 1
-        reader = CdrReader(payload)
-        stamp_ns = reader.int32() * 1_000_000_000 + reader.uint32()
-        frame_id = reader.string()
-        names = reader.strings()
+        stamp_ns, frame_id, names, fields = _read(payload)
         self._check_names(names)
-        fields = [reader.doubles() for _ in range(3)]
         numbers = np.full((3, len(names)), np.nan)
         for row, field in zip(numbers, fields, strict=True):
             if len(field) == len(names):
@@ -442,12 +376,11 @@ class JointStateDecoder:
             )
 
     def _column(self, name: str) -> int:
-        if name not in self._columns:
+        if name not in self.names:
             if len(self.names) == _MOST_JOINTS:
                 raise ValueError(f'the messages name more than {_MOST_JOINTS} joints')
-            self._columns[name] = len(self.names)
             self.names.append(name)
-        return self._columns[name]
+        return self.names.index(name)
 
     def _remember(self, names: list[str], frame_id: str, columns: list[int]) -> None:
         known = any(
@@ -469,7 +402,15 @@ def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
         If the payload is not a JointState, or if a field is neither empty nor has one number per
         name.
     """
-    return _checked(*decode_as_sent(payload))
+    names, sample = decode_as_sent(payload)
+    lengths = [0 if field is None else len(field) for field in sample[1:]]
+    if any(length not in (0, len(names)) for length in lengths):
+        raise ValueError(
+            f'the message has {len(names)} names, but {lengths[0]} positions, {lengths[1]} '
+            f'velocities and {lengths[2]} efforts: each array must be empty or have one number '
+            'per name'
+        )
+    return names, sample
 
 
 def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
@@ -477,11 +418,15 @@ def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
 
     Raises ValueError if the payload is not a JointState.
     """
+    stamp_ns, _, names, fields = _read(payload)
+    return tuple(names), JointSample(stamp_ns, *(x if len(x) else None for x in fields))
+
+
+def _read(payload: bytes) -> tuple[int, str, list[str], list[NDArray[np.float64]]]:
+    """Return stamp [ns], frame, names and the three fields of a JointState."""
     reader = CdrReader(payload)
     stamp_ns = reader.int32() * _NANOSECONDS + reader.uint32()
-    reader.string()  # frame_id
-    names = tuple(reader.strings())
-    return names, _sample(stamp_ns, [reader.doubles() for _ in range(3)])
+    return stamp_ns, reader.string(), reader.strings(), [reader.doubles() for _ in range(3)]
 
 
 def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -> JointSample:
@@ -502,18 +447,3 @@ def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -
     return JointSample(
         sample.stamp_ns, *(None if field is None else field[order] for field in sample[1:])
     )
-
-
-def _sample(stamp_ns: int, fields: Sequence[NDArray[np.float64]]) -> JointSample:
-    return JointSample(stamp_ns, *(field if len(field) else None for field in fields))
-
-
-def _checked(names: tuple[str, ...], sample: JointSample) -> tuple[tuple[str, ...], JointSample]:
-    lengths = [0 if field is None else len(field) for field in sample[1:]]
-    if any(length not in (0, len(names)) for length in lengths):
-        raise ValueError(
-            f'the message has {len(names)} names, but {lengths[0]} positions, {lengths[1]} '
-            f'velocities and {lengths[2]} efforts: each array must be empty or have one number '
-            'per name'
-        )
-    return names, sample

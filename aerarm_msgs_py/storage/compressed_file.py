@@ -1,10 +1,10 @@
 """Readers of bags in which rosbag2 compressed each file or each message."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Protocol
 
 import lz4.frame
 import numpy as np
@@ -136,27 +136,44 @@ SUFFIX = '.zstd'
 _COPIED_PIECE = 2**20  # bytes
 
 
-class BagFile(Protocol):
-    """Interface that the readers of bag files implement."""
+class BagFile(ABC):
+    """Base class of the readers of bag files.
 
-    @property
-    def types(self) -> dict[str, str]:
-        """Message type of every topic found so far."""
+    Parameters
+    ----------
+    path
+        Path of the file.
+    budget
+        Limits for reading.
+
+    Attributes
+    ----------
+    types
+        Message type of every topic found so far.
+    counts
+        Number of messages per topic that the file states; None if unknown.
+    """
+
+    types: dict[str, str]
+    counts: dict[str, int] | None
+
+    def __init__(self, path: Path, budget: ReadBudget) -> None:
+        self.path = path
+        self._budget = budget
+        self._report = DamageReport(path)
 
     @property
     def damaged(self) -> bool:
         """Whether the reader has found damage or a truncated end."""
+        return self._report.places > 0
 
-    @property
-    def counts(self) -> dict[str, int] | None:
-        """Number of messages per topic that the file states; None if unknown."""
-
+    @abstractmethod
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """Yield the messages of `topics` in blocks; None selects all topics."""
 
 
-class CompressedFile:
-    """Reader of one bag file that was compressed as a whole; implements `BagFile`.
+class CompressedFile(BagFile):
+    """Reader of one bag file that was compressed as a whole.
 
     Parameters
     ----------
@@ -171,26 +188,9 @@ class CompressedFile:
     def __init__(
         self, path: Path, budget: ReadBudget, opened: Callable[[Path, ReadBudget], BagFile]
     ) -> None:
-        self.path = path
-        self._budget = budget
+        super().__init__(path, budget)
+        self.types, self.counts = {}, None
         self._opened = opened
-        self._inner: BagFile | None = None
-        self._name = path.name.removesuffix(SUFFIX)
-
-    @property
-    def types(self) -> dict[str, str]:
-        """Message type of every topic found so far."""
-        return self._inner.types if self._inner else {}
-
-    @property
-    def damaged(self) -> bool:
-        """Whether the reader has found damage or a truncated end."""
-        return bool(self._inner and self._inner.damaged)
-
-    @property
-    def counts(self) -> dict[str, int] | None:
-        """Number of messages per topic that the file states; None if unknown."""
-        return self._inner.counts if self._inner else None
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """Yield the messages of `topics` in blocks; None selects all topics.
@@ -201,15 +201,18 @@ class CompressedFile:
             If the file cannot be decompressed or read, or exceeds the limits.
         """
         with TemporaryDirectory() as folder:
-            file = Path(folder, self._name)
+            file = Path(folder, self.path.name.removesuffix(SUFFIX))
             try:
                 self._decompress(file)
             except (OSError, zstandard.ZstdError, MemoryError) as error:
                 raise BagError(
                     f'the file {self.path} cannot be decompressed ({error}): copy it again'
                 ) from error
-            self._inner = self._opened(file, self._budget)
-            yield from self._inner.blocks(topics)
+            inner = self._opened(file, self._budget)
+            try:
+                yield from inner.blocks(topics)
+            finally:
+                self.types, self.counts, self._report = inner.types, inner.counts, inner._report
 
     def _decompress(self, file: Path) -> None:
         decompressor = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW)

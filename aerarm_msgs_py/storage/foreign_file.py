@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 
 from aerarm_msgs_py.codecs.cdr import Payloads
+from aerarm_msgs_py.storage.compressed_file import BagFile
 from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
-from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
+from aerarm_msgs_py.storage.read_limits import BagError, MessageBlock, ReadBudget, reading
 
 _BEGINNINGS = {
     '.bag': (b'#ROSBAG V2.0\n', 'a ROS 1 bag (format version 2.0)'),
@@ -45,39 +46,19 @@ _OF_LIMITS = ('NoMemError', 'IOError', 'FullError')  # SQLite's errors of memory
 _MOST_SECONDS, _MOST_MEMORY = 2**31, 2**62
 
 
-class ForeignFile:
-    """Reader of one .bag or .db3 file; implements `BagFile`.
+class ForeignFile(BagFile):
+    """Reader of one .bag or .db3 file.
 
     The messages are in order of reception. ROS 1 messages of standard types are converted to ROS 2.
     Only data compressed by bz2 has checksums; other damage inside a message is not detected.
 
-    Parameters
-    ----------
-    budget
-        Limits for reading; by default in proportion to the file's size.
-
-    Attributes
-    ----------
-    types
-        Message type of every topic; empty before the file is opened.
-    counts
-        Number of messages per topic, from the index or the tables of the file; None before it is
-        opened.
-    damaged
-        Whether the reader has found damage.
+    `types` is empty and `counts` None before the file is opened. `counts` is from the index or the
+    tables of the file.
     """
 
-    def __init__(self, path: Path, budget: ReadBudget | None = None) -> None:
-        self.path = path
-        self.types: dict[str, str] = {}
-        self.counts: dict[str, int] | None = None
-        self._budget = budget
-        self._report = DamageReport(path)
-
-    @property
-    def damaged(self) -> bool:
-        """Whether the reader has found damage."""
-        return self._report.places > 0
+    def __init__(self, path: Path, budget: ReadBudget) -> None:
+        super().__init__(path, budget)
+        self.types, self.counts = {}, None
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """Yield the messages of `topics` in blocks; None selects all topics.
@@ -88,13 +69,12 @@ class ForeignFile:
             If rosbags cannot open the file, or reading it exceeds the limits of memory or time.
         """
         size = self._checked_size()
-        budget = self._budget or ReadBudget(self.path, size)
-        process = self._started(size, budget, topics)
+        process = self._started(size, topics)
         count = 0
         end: dict[str, Any] = {}
         try:
             for block in self._received(process, end):
-                budget.spend(sum(block.payloads.sizes.tolist()))
+                self._budget.spend(sum(block.payloads.sizes.tolist()))
                 count += len(block.payloads)
                 yield block
         finally:
@@ -120,24 +100,17 @@ class ForeignFile:
 
     def _checked_size(self) -> int:
         beginning, kind = _BEGINNINGS[self.path.suffix]
-        try:
+        with reading(self.path), self.path.open('rb') as stream:
             size = self.path.stat().st_size
-            with self.path.open('rb') as stream:
-                found = stream.read(len(beginning))
-        except OSError as error:
-            raise BagError(
-                f'the file {self.path} cannot be read ({error.strerror}): check the path and its '
-                'permissions'
-            ) from error
+            found = stream.read(len(beginning))
         if not size:
             raise BagError(f'the file {self.path} is empty: record or copy it again')
         if found != beginning:
             raise BagError(f'the file {self.path} is not {kind}: check the path')
         return size
 
-    def _started(
-        self, size: int, budget: ReadBudget, topics: Collection[str] | None
-    ) -> 'subprocess.Popen[bytes]':
+    def _started(self, size: int, topics: Collection[str] | None) -> 'subprocess.Popen[bytes]':
+        budget = self._budget
         arguments = {
             'path': str(self.path),
             'topics': None if topics is None else list(topics),

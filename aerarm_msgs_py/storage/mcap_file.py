@@ -18,6 +18,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from aerarm_msgs_py.codecs.cdr import Payloads, elements_at
+from aerarm_msgs_py.storage.compressed_file import BagFile
 from aerarm_msgs_py.storage.mcap_records import ChunkError, McapChunk, McapTopics, RecordFields
 from aerarm_msgs_py.storage.mcap_walk import (
     MAGIC,
@@ -31,7 +32,13 @@ from aerarm_msgs_py.storage.mcap_walk import (
     read_summary,
     walk,
 )
-from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
+from aerarm_msgs_py.storage.read_limits import (
+    BagError,
+    DamageReport,
+    MessageBlock,
+    ReadBudget,
+    reading,
+)
 
 Keys = NDArray[np.uint64]
 
@@ -97,28 +104,14 @@ class RecordRun:
     indexes: ChunkIndexes = field(default_factory=ChunkIndexes)
 
 
-class McapFile:
-    """Reader of one MCAP file, whichever program wrote it; implements `BagFile`.
+class McapFile(BagFile):
+    """Reader of one MCAP file, whichever program wrote it.
 
-    Parameters
-    ----------
-    budget
-        Limits for reading; by default in proportion to the file's size.
-
-    Attributes
-    ----------
-    types
-        Message type of every topic found so far.
-    damaged
-        Whether the reader has found damage or a truncated end.
-    counts
-        Number of messages per topic that the file states; None if unknown, for example if the
-        recorder was killed.
+    `counts` is None if the file does not state them, for example if the recorder was killed.
     """
 
-    def __init__(self, path: Path, budget: ReadBudget | None = None) -> None:
-        self.path = path
-        self._budget = budget
+    def __init__(self, path: Path, budget: ReadBudget) -> None:
+        super().__init__(path, budget)
         self._begin(McapSummary())
 
     def _begin(self, summary: McapSummary) -> None:
@@ -128,17 +121,12 @@ class McapFile:
         self._repeated: dict[str, RepeatedMessages] = {}
 
     @property
-    def types(self) -> dict[str, str]:
+    def types(self) -> dict[str, str]:  # type: ignore[override]
         """Message type of every topic found so far."""
         return self._topics.types
 
     @property
-    def damaged(self) -> bool:
-        """Whether the reader has found damage or a truncated end."""
-        return self._report.places > 0
-
-    @property
-    def counts(self) -> dict[str, int] | None:
+    def counts(self) -> dict[str, int] | None:  # type: ignore[override]
         """Number of messages per topic that the file states; None if unknown."""
         counts = self._summary.counts
         return None if counts is None else self._topics.by_topic(counts)
@@ -155,19 +143,12 @@ class McapFile:
         BagError
             If the file cannot be opened, is empty or not MCAP, or would exceed the memory limit.
         """
-        try:
-            with self.path.open('rb') as stream:
-                size = os.fstat(stream.fileno()).st_size
-                budget = self._budget or ReadBudget(self.path, size)
-                self._check_magic(stream.read(len(MAGIC)))
-                self._begin(read_summary(stream, size, budget.part_bytes))
-                for run in self._runs(stream, size, budget, topics):
-                    yield from self._blocks_of(run, budget, topics)
-        except OSError as error:
-            raise BagError(
-                f'the file {self.path} cannot be read ({error.strerror}): check the path and its '
-                'permissions'
-            ) from error
+        with reading(self.path), self.path.open('rb') as stream:
+            size = os.fstat(stream.fileno()).st_size
+            self._check_magic(stream.read(len(MAGIC)))
+            self._begin(read_summary(stream, size, self._budget.part_bytes))
+            for run in self._runs(stream, size, topics):
+                yield from self._blocks_of(run, topics)
         self._report.finish()
 
     def _check_magic(self, found: bytes) -> None:
@@ -180,34 +161,34 @@ class McapFile:
             raise BagError(f'the file {self.path} is not an MCAP file: check the path')
 
     def _runs(
-        self, stream: BinaryIO, size: int, budget: ReadBudget, topics: Collection[str] | None
+        self, stream: BinaryIO, size: int, topics: Collection[str] | None
     ) -> Iterator[RecordRun]:
         loose = bytearray()
         chunk: tuple[McapRecord, ChunkIndexes] | None = None  # the last one, until its end is known
         for record in McapWalk(stream, size, self._summary.chunks, self._report):
             if record.opcode == Opcode.MESSAGE_INDEX:
                 indexes = chunk[1] if chunk else ChunkIndexes()
-                indexes.add(self._content(stream, record, budget))
+                indexes.add(self._content(stream, record))
                 if not chunk:
                     self._report_orphan(record, indexes)
                 continue
             if chunk:
-                yield from self._chunk(stream, *chunk, budget, topics)
+                yield from self._chunk(stream, *chunk, topics)
                 chunk = None
             if record.opcode == Opcode.CHUNK:
                 yield RecordRun(bytes(loose), '')
                 loose.clear()
                 chunk = (record, ChunkIndexes())
             elif record.opcode in _LOOSE:
-                content = self._content(stream, record, budget)
+                content = self._content(stream, record)
                 loose += RECORD.pack(record.opcode, len(content)) + content if content else b''
                 if len(loose) > _LOOSE_LIMIT:
                     yield RecordRun(bytes(loose), '')
                     loose.clear()
             elif record.opcode == Opcode.STATISTICS:
-                self._take_counts(self._content(stream, record, budget))
+                self._take_counts(self._content(stream, record))
         if chunk:
-            yield from self._chunk(stream, *chunk, budget, topics)
+            yield from self._chunk(stream, *chunk, topics)
         yield RecordRun(bytes(loose), '')
 
     def _take_counts(self, content: bytes) -> None:
@@ -216,12 +197,13 @@ class McapFile:
             with contextlib.suppress(ValueError):
                 self._summary.counts = read_counts(RecordFields(content))
 
-    def _content(self, stream: BinaryIO, record: McapRecord, budget: ReadBudget) -> bytes:
+    def _content(self, stream: BinaryIO, record: McapRecord) -> bytes:
         """Return the content of a record; empty if it exceeds the limit `part_bytes`."""
-        if record.length > budget.part_bytes:
+        most = self._budget.part_bytes
+        if record.length > most:
             self._report.add(
                 f'the reader ignores the record at byte {record.start}, because its '
-                f'{record.length} bytes exceed the limit of {budget.part_bytes} bytes per record '
+                f'{record.length} bytes exceed the limit of {most} bytes per record '
                 '(limits part_bytes and ratio)',
                 record.length,
             )
@@ -241,7 +223,6 @@ class McapFile:
         stream: BinaryIO,
         record: McapRecord,
         indexes: ChunkIndexes,
-        budget: ReadBudget,
         topics: Collection[str] | None,
     ) -> Iterator[RecordRun]:
         """Yield the records of an intact chunk; report a damaged chunk."""
@@ -249,11 +230,11 @@ class McapFile:
             return
         place = f'the chunk at byte {record.start}'
         try:
-            chunk = McapChunk.read(self._content(stream, record, budget))
+            chunk = McapChunk.read(self._content(stream, record))
             if record.whole:
-                yield RecordRun(chunk.records(budget), place, indexes)
+                yield RecordRun(chunk.records(self._budget), place, indexes)
             else:
-                yield RecordRun(chunk.beginning(budget), '')
+                yield RecordRun(chunk.beginning(self._budget), '')
         except ChunkError as error:
             if record.whole:  # otherwise the truncated end was reported
                 listed = f' with {indexes.messages} messages' if indexes.messages else ''
@@ -275,18 +256,21 @@ class McapFile:
         names = [self._topics.name(channel) for channel in indexes.channels]
         return any(name is None or name in topics for name in names)
 
-    def _blocks_of(
-        self, run: RecordRun, budget: ReadBudget, topics: Collection[str] | None
-    ) -> Iterator[MessageBlock]:
+    def _blocks_of(self, run: RecordRun, topics: Collection[str] | None) -> Iterator[MessageBlock]:
         records = run.records
         indexed = run.indexes.message_starts(records)
         if indexed is not None:
             starts, headers = indexed
         else:
-            starts, definitions, unread = walk(records, budget)
+            starts, definitions, unread = walk(records, self._budget)
             for opcode, content in definitions:
                 self._topics.register(opcode, content)
-            self._check_walk(run, starts.tolist(), unread)
+            if unread and run.place:
+                self._report.add(
+                    f'in {run.place}, the {unread} bytes after {len(starts)} messages are not '
+                    'messages and are ignored',
+                    unread,
+                )
             if not run.indexes.agree_with(starts):
                 self._report.add(
                     f'the index after {run.place} lists {run.indexes.messages} messages, but the '
@@ -301,15 +285,6 @@ class McapFile:
                 yield from self._block(
                     self._topics.names[index], records, headers[own], starts[own]
                 )
-
-    def _check_walk(self, run: RecordRun, starts: list[int], unread: int) -> None:
-        """Report bytes of a complete chunk that are not messages."""
-        if unread and run.place:
-            self._report.add(
-                f'in {run.place}, the {unread} bytes after {len(starts)} messages are not '
-                'messages and are ignored',
-                unread,
-            )
 
     def _block(
         self, topic: str, records: bytes, headers: NDArray[np.void], starts: NDArray[np.int64]

@@ -35,24 +35,6 @@ _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 _DEFINITION_COST = 500  # bytes counted per definition, for its memory and reading time
 
 
-class WalkedRecords(NamedTuple):
-    """Result of a scan of consecutive records: the records found, and damage.
-
-    Attributes
-    ----------
-    starts
-        (K,) offsets of the complete message records.
-    definitions
-        Opcode and content of the complete schema and channel records.
-    unread
-        Number of bytes at the end that are not a complete record of a valid kind.
-    """
-
-    starts: NDArray[np.int64]
-    definitions: list[tuple[int, bytes]]
-    unread: int
-
-
 @dataclass
 class ChunkIndexes:
     """Offsets of the messages in a chunk, from the index records that follow the chunk.
@@ -120,8 +102,16 @@ class ChunkIndexes:
         return np.array_equal(np.sort(np.concatenate(self._offsets)), starts.astype(np.uint64))
 
 
-def walk(records: bytes, budget: ReadBudget) -> WalkedRecords:
+def walk(
+    records: bytes, budget: ReadBudget
+) -> tuple[NDArray[np.int64], list[tuple[int, bytes]], int]:
     """Scan the consecutive schema, channel and message records of a chunk.
+
+    Returns
+    -------
+    starts : (K,) offsets of the complete message records
+    definitions : opcode and content of the complete schema and channel records
+    unread : number of bytes at the end that are not a complete record of a valid kind
 
     Raises
     ------
@@ -150,7 +140,7 @@ def walk(records: bytes, budget: ReadBudget) -> WalkedRecords:
         else:
             break
         position = end
-    return WalkedRecords(np.array(starts, np.int64), definitions, size - position)
+    return np.array(starts, np.int64), definitions, size - position
 
 
 def _have_headers(headers: NDArray[np.void]) -> bool:

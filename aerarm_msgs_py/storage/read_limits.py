@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +15,18 @@ from aerarm_msgs_py.codecs.cdr import Payloads
 
 class BagError(ValueError):
     """A bag cannot be read or written; the message states what to check."""
+
+
+@contextmanager
+def reading(path: Path, what: str = 'file') -> Iterator[None]:
+    """Convert an OSError of a `with` block to a BagError that names the file or bag `path`."""
+    try:
+        yield
+    except OSError as error:
+        raise BagError(
+            f'the {what} {path} cannot be read ({error.strerror}): check the path and its '
+            'permissions'
+        ) from error
 
 
 class BagWarning(UserWarning):
@@ -85,13 +98,13 @@ class MessageBlock:
     sequence: NDArray[np.int64]
     payloads: Payloads
 
-    def chosen(self, which: NDArray[np.bool_]) -> 'MessageBlock':
-        """Return a block with only the messages that the mask (K,) selects."""
+    def chosen(self, which: slice | NDArray[np.bool_]) -> 'MessageBlock':
+        """Return a block with only the messages that a slice or mask (K,) selects."""
         return replace(
             self,
             log_time=self.log_time[which],
             sequence=self.sequence[which],
-            payloads=self.payloads.chosen(which),
+            payloads=self.payloads[which],
         )
 
     def parts(self) -> Iterator['MessageBlock']:
@@ -100,13 +113,7 @@ class MessageBlock:
             yield self
             return
         for start in range(0, len(self.payloads), _MOST):
-            part = slice(start, start + _MOST)
-            yield replace(
-                self,
-                log_time=self.log_time[part],
-                sequence=self.sequence[part],
-                payloads=self.payloads[part],
-            )
+            yield self.chosen(slice(start, start + _MOST))
 
 
 _FREE = 2**22  # bytes allowed for any bag, because constant messages compress well

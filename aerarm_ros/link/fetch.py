@@ -108,8 +108,6 @@ class FileServer:
 
 def _cached(file: int, size: int, offset: int) -> bytes:
     """Read bytes of a file; raise BlockingIOError if the page cache does not contain them."""
-    if not hasattr(os, 'RWF_NOWAIT'):  # not Linux
-        return os.pread(file, size, offset)
     content = bytearray(size)
     try:
         count = os.preadv(file, [content], offset, os.RWF_NOWAIT)

@@ -139,10 +139,7 @@ def make_parser() -> argparse.ArgumentParser:
     command = add(
         'tool', 'move the tool to a position with the active Cartesian controller: THE ARM MOVES'
     )
-    for axis in 'xyz':
-        command.add_argument(
-            axis, type=finite_number, help=f'{axis} coordinate of the position in --frame [m]'
-        )
+    _add_vector(command, 'coordinate of the position in --frame [m]')
     command.add_argument('--frame', choices=('base', 'world'), default='base',
         help="frame of the position: 'base' is the arm's base_link; 'world' is the frame of the "
              "drone's odometry, and needs the controller world_control (default: "
@@ -151,10 +148,7 @@ def make_parser() -> argparse.ArgumentParser:
         help='distance between tool and position below which the goal counts as reached [m] '
              '(default: 0.01)')  # fmt: skip
     command = add('press', _PRESS)
-    for axis in 'xyz':
-        command.add_argument(
-            axis, type=finite_number, help=f'{axis} component of the force in the world frame [N]'
-        )
+    _add_vector(command, 'component of the force in the world frame [N]')
     for name, (executable, _, what, meaning) in _PROGRAMS.items():
         command = commands.add_parser(
             name,
@@ -193,6 +187,11 @@ def make_parser() -> argparse.ArgumentParser:
         help='print shell code with which bash or zsh completes the options of all executables',
     )
     return parser
+
+
+def _add_vector(command: argparse.ArgumentParser, meaning: str) -> None:
+    for axis in 'xyz':
+        command.add_argument(axis, type=finite_number, help=f'{axis} {meaning}')
 
 
 def _add_arm_files(command: argparse.ArgumentParser) -> None:
@@ -375,7 +374,3 @@ def main(args: Sequence[str] | None = None) -> int:
     if options.command in _PROGRAMS:
         _become(options, arguments)
     return run_request(options, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

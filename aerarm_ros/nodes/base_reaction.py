@@ -8,7 +8,6 @@ odometry and rotor_command arrive, `contact_wrench` is the estimated wrench of c
 arm. `energy` is the energy that the arm draws from the battery, by cause.
 """
 
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -149,7 +148,3 @@ class BaseReactionNode(StateNode):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, BaseReactionNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -8,7 +8,6 @@ drone.yaml, summary.json and report.html.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -141,7 +140,3 @@ def _run(options: argparse.Namespace) -> int:
         )
         return USER_ERROR
     return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())

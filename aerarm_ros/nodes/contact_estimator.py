@@ -9,7 +9,6 @@ recording without contact. With --bag DIR the program searches recordings for co
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -162,7 +161,3 @@ class ContactEstimatorNode(StateNode):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, ContactEstimatorNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -112,7 +112,3 @@ def _isolate_from_other_ros_graphs() -> None:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     for name in ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'):
         os.environ.pop(name, None)  # these settings connect to other hosts
-
-
-if __name__ == '__main__':
-    sys.exit(main())

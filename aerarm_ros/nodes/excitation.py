@@ -262,7 +262,3 @@ class ExcitationNode:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; return exit status 0 if the arm followed the whole trajectory."""
     return run_node(NAME, ExcitationNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

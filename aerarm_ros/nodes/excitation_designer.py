@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -106,7 +105,3 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     ):
         add(f'--{name}', type=float, nargs='+', help=f'{what}, one value or one per joint')
     return parser.parse_args(arguments)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

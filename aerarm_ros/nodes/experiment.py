@@ -162,7 +162,3 @@ def _print_run(report: ExperimentReport, run: ExperimentRun, progress: str) -> N
         f'{progress:>6}  {name}: RMS error of joints {joints} mrad, of the tool {tool} mm',
         flush=True,
     )
-
-
-if __name__ == '__main__':
-    sys.exit(main())

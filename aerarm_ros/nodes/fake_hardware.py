@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from functools import partial
 
@@ -17,7 +16,3 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run the bridge on the emulated boards."""
     create = partial(HardwareBridge, NAME, EmulatedArm())
     return run_node(NAME, create, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

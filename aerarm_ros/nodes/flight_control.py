@@ -6,7 +6,6 @@ first odometry message. The node feeds forward arm_inertia and base_wrench_motio
 base_reaction.
 """
 
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -87,12 +86,9 @@ class FlightControlNode:
         self._requests: deque[Callable[[], None]] = deque()
         self._stopping = False
         self._stream = FlightStream(self.node, self._reject)
-        topic = topics.ROTOR_COMMAND
-        self._publisher = self.node.create_publisher(topic.type, topic.name, topic.offered)
-        topic = topics.FLIGHT_SET_POINT
-        self.node.create_subscription(topic.type, topic.name, self._on_set_point, topic.qos)
-        topic = topics.FLIGHT_TRAJECTORY
-        self.node.create_subscription(topic.type, topic.name, self._on_trajectory, topic.qos)
+        self._publisher = topics.ROTOR_COMMAND.publisher(self.node)
+        topics.FLIGHT_SET_POINT.subscription(self.node, self._on_set_point)
+        topics.FLIGHT_TRAJECTORY.subscription(self.node, self._on_trajectory)
         ArmTopics(self.node, self._arm, self._requests.append)
         self._diagnostics = DiagnosticsPublisher(self.node, config.name)
         create_steady_timer(self.node, PERIOD, self._report)
@@ -282,7 +278,3 @@ class FlightControlNode:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, FlightControlNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -7,7 +7,6 @@ connection carries at most 0.3 Mbit/s and 100 packets per second. Run the node o
 Usage: ros2 run aerarm_ros ground_link --ros-args -p role:=ground -p drone:=ADDRESS
 """
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -116,7 +115,3 @@ class GroundLink:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, GroundLink, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

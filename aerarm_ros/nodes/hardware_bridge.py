@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 from aerarm_ros.ros.bridge.hardware_bridge import PARAMETERS, HardwareBridge
@@ -12,7 +11,3 @@ from aerarm_ros.ros.process.node_main import run_node
 def main(args: Sequence[str] | None = None) -> int:
     """Run the bridge with the boards on the SPI bus."""
     return run_node('hardware_bridge', HardwareBridge, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -7,7 +7,6 @@ estimate.yaml, identified.urdf, summary.json and report.html.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -76,7 +75,3 @@ def _run(options: argparse.Namespace) -> int:
 def _report(error: object) -> int:
     print_error(_NAME, error)
     return USER_ERROR
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -6,7 +6,6 @@ rotor_command for the arm. Only the services ~/arm, ~/disarm and ~/offboard arm 
 change its mode; for ArduCopter, ~/offboard requests the guided mode.
 """
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -156,10 +155,9 @@ class MavlinkFeedforward:
             (topics.FLIGHT_SET_POINT, self._on_set_point),
             (topics.FLIGHT_TRAJECTORY, self._on_trajectory),
         ):
-            node.create_subscription(topic.type, topic.name, take, topic.qos)
+            topic.subscription(node, take)
         self._odometry, self._imu, self._rotors = (
-            node.create_publisher(topic.type, topic.name, topic.offered)
-            for topic in (topics.ODOMETRY, topics.IMU, topics.ROTOR_COMMAND)
+            topic.publisher(node) for topic in (topics.ODOMETRY, topics.IMU, topics.ROTOR_COMMAND)
         )
         group = MutuallyExclusiveCallbackGroup()
         for name in ('arm', 'disarm', 'offboard'):
@@ -434,7 +432,3 @@ def _odometry(state: FlightState, stamp_ns: int) -> Odometry:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, MavlinkFeedforward, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

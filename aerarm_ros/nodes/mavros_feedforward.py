@@ -6,7 +6,6 @@ thrust includes this weight.
 """
 
 import copy
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -146,7 +145,3 @@ def _fill(vector: Any, given: NDArray[np.bool_], added: NDArray[np.float64] = _Z
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, MavrosFeedforward, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -9,7 +9,6 @@ JSON object with the stamps of goal and trajectory.
 from __future__ import annotations
 
 import json
-import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -103,17 +102,6 @@ def plan_settings(values: SimpleNamespace) -> dict[str, object]:
     return {parameter.name: getattr(values, parameter.name) for parameter in _SETTINGS}
 
 
-def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> MotionPlanner:
-    """Create the planner; raise ValueError for an invalid parameter or file."""
-    model = EnergyModel(config, robot, values.rotor_inertia or None, load_share(values, robot))
-    setup = load_setup(values, config, robot)
-    planner = MotionPlanner(model, setup, PlanSettings(**plan_settings(values)))  # type: ignore[arg-type]
-    payload = getattr(values, PAYLOAD)
-    if len(payload):
-        planner.carry(payload)
-    return planner
-
-
 NAME = 'motion_planner'
 PARAMETERS = ParameterTable(*PLANNER_PARAMETERS)
 
@@ -145,22 +133,28 @@ class MotionPlannerNode:
         self._limits = JointLimits.from_config(config)
         self._base = robot.base_link
         self._names = config.joint_names
-        self._planner = make_planner(self._values, config, robot)
+        self._planner = self._make_planner(config, robot)
         self._state: Array | None = None
         self._asked = Time()  # stamp of the goal for which a motion is being planned
         self._states = StateSampler(self._node, self._names)
         self._trajectories, self._status_publisher = (
-            self._node.create_publisher(topic.type, topic.name, topic.offered)
-            for topic in (topics.JOINT_TRAJECTORY, topics.PLAN_STATUS)
+            topic.publisher(self._node) for topic in (topics.JOINT_TRAJECTORY, topics.PLAN_STATUS)
         )
         for topic, take in (
             (topics.JOINT_GOAL, self._on_joint_goal),
             (topics.TOOL_GOAL, self._on_tool_goal),
         ):
-            self._node.create_subscription(
-                topic.type, topic.name, partial(self._later, take), topic.qos
-            )
+            topic.subscription(self._node, partial(self._later, take))
         self._loop = PeriodicLoop(_PERIOD)
+
+    def _make_planner(self, config: ArmConfig, robot: Robot) -> MotionPlanner:
+        values = self._values
+        model = EnergyModel(config, robot, values.rotor_inertia or None, load_share(values, robot))
+        settings: Any = plan_settings(values)
+        planner = MotionPlanner(model, load_setup(values, config, robot), PlanSettings(**settings))
+        if payload := getattr(values, PAYLOAD):
+            planner.carry(payload)
+        return planner
 
     def run(self) -> None:
         """Plan motions until the process receives a stop signal."""
@@ -271,7 +265,3 @@ class MotionPlannerNode:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, MotionPlannerNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

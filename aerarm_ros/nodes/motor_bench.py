@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import fields
 from datetime import datetime
 from pathlib import Path
 
@@ -142,14 +143,8 @@ class MotorBenchNode:
                 f'unknown joint {", ".join(unknown)}: choose from {", ".join(names)}'
             )
         self._joints = [names.index(name) for name in joints or names]
-        self._plan = BenchPlan(
-            speeds=tuple(values.speeds),
-            span=values.span,
-            acceleration_share=values.acceleration_share,
-            runs=values.runs,
-            swings=values.swings,
-            amplitude=values.amplitude,
-        )
+        plan = {item.name: getattr(values, item.name) for item in fields(BenchPlan)}
+        self._plan = BenchPlan(**plan | {'speeds': tuple(values.speeds)})
         if values.swings and not values.mounted:
             raise ExcitationError(
                 'a bare motor has no link, which the measurement of the gear backlash needs: set '
@@ -194,7 +189,15 @@ class MotorBenchNode:
         if start is None:
             raise KeyboardInterrupt
         posture = np.array(self._values.posture) if self._values.posture else start
-        bench = self._bench(posture)
+        bench = MotorBench(
+            self._config,
+            self._robot if self._values.mounted else None,
+            posture,
+            self._known,
+            self._earlier,
+            self._values.link_uncertainty,
+            self._values.resistance_uncertainty,
+        )
         motion = BenchMotion(self._plan, self._setup.limits, start, posture, self._joints)
         motion.require_feasible(bench_checker(self._setup, self._values.mounted))
         recording = self._record(motion, directory)
@@ -204,19 +207,6 @@ class MotorBenchNode:
             bench.evaluate(joint, runs[joint], readings.supply(joint)) for joint in self._joints
         ]
         self._write(directory, results, posture, bench.warnings)
-
-    def _bench(self, posture: NDArray[np.float64]) -> MotorBench:
-        values = self._values
-        robot = self._robot if values.mounted else None
-        return MotorBench(
-            self._config,
-            robot,
-            posture,
-            self._known,
-            self._earlier,
-            values.link_uncertainty,
-            values.resistance_uncertainty,
-        )
 
     def _known_mass(self) -> KnownMass | None:
         values = self._values
@@ -276,7 +266,3 @@ class MotorBenchNode:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; return exit status 0 if all drives were measured and the results written."""
     return run_node(NAME, MotorBenchNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -12,7 +12,6 @@ changed. Both options need no running ROS.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -174,7 +173,3 @@ class PayloadEstimatorNode(StateNode):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, PayloadEstimatorNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -8,7 +8,6 @@ hover thrust includes this weight. PX4 leaves offboard mode if messages on
 """
 
 import copy
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -98,7 +97,3 @@ def controlled_quantity(set_point: Any) -> str:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, Px4Feedforward, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

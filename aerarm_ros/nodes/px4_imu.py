@@ -5,7 +5,6 @@ frame. The topic `imu` has a forward-left-up body frame and an east-north-up wor
 MAVROS this node is not needed: remap the MAVROS topic imu/data to imu.
 """
 
-import sys
 import time
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -67,7 +66,7 @@ class Px4Imu:
         self._samples = self._attitudes = 0
         self._reported = (0, 0)
         self._is_stopping = False
-        self._imu = self._node.create_publisher(Imu, topics.IMU.name, topics.IMU.offered)
+        self._imu = topics.IMU.publisher(self._node)
         for kind, topic, act in (
             (SensorCombined, values.sensor_topic, self._on_sensor),
             (VehicleAttitude, values.attitude_topic, self._on_attitude),
@@ -155,7 +154,3 @@ def to_imu(
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, Px4Imu, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

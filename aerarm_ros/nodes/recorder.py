@@ -82,13 +82,10 @@ class Recorder:
             self._node, topics, subscribed, self._directory, values.compression, self._losses
         )
         self._streams = sum(topic.qos == NEWEST for topic in topics)
-        until = RECORDED_UNTIL
-        self._until = self._node.create_publisher(until.type, until.name, until.offered)
+        self._until = RECORDED_UNTIL.publisher(self._node)
         self._check = PublisherCheck(self._node, subscribed)
         self._sources = DuplicatePublisherCheck(self._node, JOINT_STATES)
-        self._status_publisher = self._node.create_publisher(
-            String, RECORDER_STATUS.name, RECORDER_STATUS.offered
-        )
+        self._status_publisher = RECORDER_STATUS.publisher(self._node)
         self._diagnostics = DiagnosticsPublisher(self._node)
         self._own = self._node.resolve_topic_name(DIAGNOSTICS.name)
         self._matched: list[str] = []
@@ -222,7 +219,3 @@ class Recorder:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node and return its exit status."""
     return run_node(NAME, Recorder, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -5,7 +5,6 @@ Usage: ros2 run aerarm_ros tool_path
 
 from __future__ import annotations
 
-import sys
 from collections import deque
 from collections.abc import Sequence
 
@@ -63,9 +62,7 @@ class ToolPath:
         self._base = robot.base_link
         self._distance = values.distance
         self._points: deque[NDArray[np.float64]] = deque(maxlen=values.length)
-        self._publisher = self._node.create_publisher(
-            topics.TOOL_PATH.type, topics.TOOL_PATH.name, topics.TOOL_PATH.offered
-        )
+        self._publisher = topics.TOOL_PATH.publisher(self._node)
         self._states = StateSampler(self._node, robot.joint_names)
         self._loop = PeriodicLoop(1.0 / values.rate)
 
@@ -101,7 +98,3 @@ class ToolPath:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, ToolPath, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

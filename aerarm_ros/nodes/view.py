@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import socket
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
@@ -116,7 +115,8 @@ class View:
                 for name in ('velocity', 'effort')
             },
         }
-        self._subscribe()
+        topics.ARM_MODE.subscription(self._node, self._on_mode)
+        topics.DIAGNOSTICS.subscription(self._node, self._on_diagnostics)
         self._loop = PeriodicLoop(1.0 / values.rate)
         self._serve(robot, base)
 
@@ -190,13 +190,6 @@ class View:
     def _log_refused(self, text: str) -> None:
         self._node.get_logger().warning(text)
 
-    def _subscribe(self) -> None:
-        for topic, callback in (
-            (topics.ARM_MODE, self._on_mode),
-            (topics.DIAGNOSTICS, self._on_diagnostics),
-        ):
-            self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
-
     def _update(self, now_ns: int, index: int) -> None:
         # One message for all changes, because waking the server's thread takes longer than the
         # update.
@@ -269,7 +262,3 @@ def _check_address(host: str) -> None:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
     return run_node(NAME, View, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -24,7 +24,7 @@ class _Timespec(ctypes.Structure):
     _fields_ = (('tv_sec', ctypes.c_long), ('tv_nsec', ctypes.c_long))
 
 
-_clock_nanosleep = getattr(ctypes.CDLL(None), 'clock_nanosleep', None)
+_clock_nanosleep = ctypes.CDLL(None).clock_nanosleep
 
 
 def sleep_until(deadline_ns: int) -> None:
@@ -44,9 +44,6 @@ def sleep_until(deadline_ns: int) -> None:
     OSError
         If the system call fails.
     """
-    if _clock_nanosleep is None:  # not Linux
-        time.sleep(max(0, deadline_ns - time.monotonic_ns()) / _NANOSECONDS)
-        return
     until = ctypes.byref(_Timespec(*divmod(deadline_ns, _NANOSECONDS)))
     # An interrupted sleep returns here, so that Python runs its signal handlers.
     while (error := _clock_nanosleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, until, None)) != 0:
@@ -264,12 +261,6 @@ class TimingSummary:
     p999: float = 0.0
     maximum: float = 0.0
 
-    def __str__(self) -> str:
-        """Return a line with all statistics in microseconds."""
-        fields = ('mean', 'std', 'p50', 'p99', 'p999', 'maximum')
-        values = '  '.join(f'{name} {getattr(self, name) * 1e6:.0f}' for name in fields)
-        return f'{values} us ({self.count} values)'
-
 
 class TimingStatistics:
     """Collects durations in a histogram, in about 0.3 us per duration.
@@ -354,28 +345,13 @@ class TimingStatistics:
 OK, WARN, ERROR = 0, 1, 2
 
 
-@dataclass(frozen=True)
-class TimingThresholds:
-    """Thresholds of the loop timing for warnings and errors; defaults as in ros2_control.
-
-    Attributes
-    ----------
-    rate_error
-        Deviation of the mean rate from the desired one [Hz].
-    execution_mean, execution_std
-        Mean and standard deviation of the execution time [s].
-    """
-
-    rate_error: tuple[float, float] = (5.0, 10.0)
-    execution_mean: tuple[float, float] = (1000e-6, 2000e-6)
-    execution_std: tuple[float, float] = (100e-6, 200e-6)
+# Limits for a warning and for an error, as in ros2_control: deviation of the mean rate [Hz], mean
+# and standard deviation of the execution time [s].
+_RATE_ERROR, _EXECUTION_MEAN, _EXECUTION_STD = (5.0, 10.0), (1e-3, 2e-3), (100e-6, 200e-6)
 
 
 def assess_timing(
-    period: float,
-    interval: TimingSummary,
-    execution: TimingSummary,
-    thresholds: TimingThresholds | None = None,
+    period: float, interval: TimingSummary, execution: TimingSummary
 ) -> tuple[int, str]:
     """Return the level (OK, WARN or ERROR) of a loop's timing, and the reason.
 
@@ -385,24 +361,18 @@ def assess_timing(
         Desired period [s].
     interval, execution
         Measured periods and execution times.
-    thresholds
-        Thresholds for warning and error; by default those of ros2_control.
     """
-    limits = thresholds or TimingThresholds()
     if not interval.count:
         return OK, 'no cycle yet'
     rate = 1.0 / interval.mean
+    mean, std = execution.mean, execution.std
     checks = (
-        (abs(rate - 1.0 / period), limits.rate_error, f'rate is {rate:.1f} Hz'),
+        (abs(rate - 1.0 / period), _RATE_ERROR, f'rate is {rate:.1f} Hz'),
+        (mean, _EXECUTION_MEAN, f'the execution of a cycle takes {mean * 1e6:.0f} us on average'),
         (
-            execution.mean,
-            limits.execution_mean,
-            f'the execution of a cycle takes {execution.mean * 1e6:.0f} us on average',
-        ),
-        (
-            execution.std,
-            limits.execution_std,
-            f'execution times of cycles have a standard deviation of {execution.std * 1e6:.0f} us',
+            std,
+            _EXECUTION_STD,
+            f'execution times of cycles have a standard deviation of {std * 1e6:.0f} us',
         ),
     )
     levels = [

@@ -85,7 +85,7 @@ def write_bag(path: Path, robot: Robot, arm: int, month: int) -> None:
 
 def identify(bags: Path, out: Path, count: int, workers: int) -> int:
     """Run the identifier, kill one worker, and print the result."""
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier', '--each', str(bags)]
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'identifier', '--each', str(bags)]
     command += ['--workers', str(workers), '--holdout', '0.3', '--out', str(out)]
     begin, killed, most = time.monotonic(), 0, 0.0
     with subprocess.Popen(command) as process:

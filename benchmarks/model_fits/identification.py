@@ -153,7 +153,7 @@ def process(*arguments: object) -> tuple[float, float, float]:
     """Run the identifier; return wall and processor time [s] and peak memory [MB]."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     begin = time.perf_counter()
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier', *map(str, arguments)]
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'identifier', *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True)
     wall = time.perf_counter() - begin
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

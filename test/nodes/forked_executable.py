@@ -11,7 +11,6 @@ import gc
 import importlib
 import json
 import os
-import runpy
 import signal
 import subprocess
 import sys
@@ -195,9 +194,7 @@ def _become(
     sys.argv = [module, *arguments]
     if module == _EXECUTABLES:
         sys.exit(importlib.import_module(module)._run_named())
-    if not module.startswith(f'{_NODES}.'):
-        sys.exit(importlib.import_module(module).main())
-    runpy.run_module(module, run_name='__main__', alter_sys=True)
+    sys.exit(importlib.import_module(module).main())
 
 
 if __name__ == '__main__':

@@ -84,7 +84,7 @@ def identifier(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 def fresh_identifier(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run the identifier in a new interpreter with other hash values."""
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier', *map(str, arguments)]
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'identifier', *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 

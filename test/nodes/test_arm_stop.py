@@ -98,7 +98,7 @@ def test_e_stop_reaches_all_bridges_if_its_output_cannot_be_written(ros_node: No
         until_offered(ros_node, 'fake_hardware/e_stop')
 
     bridges.add('hardware_bridge', ['e_stop'], appear)
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.arm', 'e_stop', '--timeout', '100']
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'arm', 'e_stop', '--timeout', '100']
     with BackgroundExecutor(bridges.node), open('/dev/full', 'w') as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=300)
     # A busy host may need seconds to discover the bridges, which is announced.

@@ -157,14 +157,21 @@ def test_another_arm_by_the_defaults(
 def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
     """Ctrl-C at any time in the first seconds, while libraries are loading."""
     out = tmp_path / 'best.yaml'
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.excitation_designer', '--out', str(out)]
+    command = [
+        sys.executable,
+        '-m',
+        'aerarm_ros.executables',
+        'excitation_designer',
+        '--out',
+        str(out),
+    ]
     # Told through a pipe that its handlers are set, before the first slow import.
     script = (
-        'import sys, runpy; from aerarm_ros.ros.process import process_end as s; '
+        'import sys; from aerarm_ros.ros.process import process_end as s; '
         'enter = s.StopSignals.__enter__; '
         's.StopSignals.__enter__ = lambda self: (enter(self), print("ready", flush=True))[0]; '
-        f'sys.argv = {command[2:]!r}; '
-        'runpy.run_module("aerarm_ros.nodes.excitation_designer", run_name="__main__")'
+        f'sys.argv = {command[3:]!r}; '
+        'from aerarm_ros.nodes.excitation_designer import main; sys.exit(main())'
     )
     process = subprocess.Popen(
         [sys.executable, '-c', script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -186,7 +193,14 @@ def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
 
 def test_a_stop_keeps_the_best_so_far(tmp_path: Path) -> None:
     out = tmp_path / 'best.yaml'
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.excitation_designer', '--out', str(out)]
+    command = [
+        sys.executable,
+        '-m',
+        'aerarm_ros.executables',
+        'excitation_designer',
+        '--out',
+        str(out),
+    ]
     process = subprocess.Popen(
         [*command, '--starts', '1000', '--time-limit', '600'], stdout=subprocess.PIPE, text=True
     )

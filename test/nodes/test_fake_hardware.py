@@ -175,7 +175,7 @@ def test_a_closed_terminal_switches_the_motors_off(ros_node: Node) -> None:
     master, slave = os.openpty()
     # The terminal is the process's own, as a shell's: closing it sends SIGHUP, and what is
     # written from then on fails.
-    command = ['setsid', '--ctty', sys.executable, '-m', 'aerarm_ros.nodes.fake_hardware']
+    command = ['setsid', '--ctty', sys.executable, '-m', 'aerarm_ros.executables', 'fake_hardware']
     with subprocess.Popen(
         command, env=ros_environment(), stdin=slave, stdout=slave, stderr=slave
     ) as bridge:

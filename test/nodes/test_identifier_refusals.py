@@ -139,7 +139,7 @@ def test_a_result_that_holds_something_else_too_is_kept(bags: Path, tmp_path: Pa
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_runs_leave_nothing(bags: Path, tmp_path: Path, number: signal.Signals) -> None:
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier']
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'identifier']
     # Many bags, so that the process is busy when the signal comes.
     command += [
         '--bag',

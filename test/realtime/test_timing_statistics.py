@@ -40,12 +40,6 @@ def test_early_is_a_negative_duration() -> None:
     assert statistics.summary().minimum == -2e-6
 
 
-def test_reads_as_one_line() -> None:
-    statistics = TimingStatistics()
-    statistics.add(123_000)
-    assert 'p99 123' in str(statistics.summary())
-
-
 @pytest.mark.parametrize(('resolution', 'span'), [(0.0, 1.0), (1e-3, 1e-4), (1e-6, np.inf)])
 def test_refuses_bins_that_make_no_sense(resolution: float, span: float) -> None:
     with pytest.raises(ValueError, match='resolution < span'):

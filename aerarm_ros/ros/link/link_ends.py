@@ -76,9 +76,7 @@ class GroundWatchdog:
             position=[float(angle) for angle in config.rest_position],
         )
         self._topic: Topic = topics.SET_POINT if self._action == HOME else topics.JOINT_TRAJECTORY
-        self._requests = node.create_publisher(
-            self._topic.type, self._topic.name, self._topic.offered
-        )
+        self._requests = self._topic.publisher(node)
 
     @property
     def text(self) -> str:

@@ -50,6 +50,10 @@ _SERVED_MAX = 4  # bags that the drone offers at the same time
 _IDS_MAX = 16  # requests that wait for an answer
 
 
+class _RejectedError(Exception):
+    """The drone rejects a request; the message states the reason."""
+
+
 class DroneRecordings:
     """Run a recorder on the drone for the ground computer, and send bags to that computer.
 
@@ -94,11 +98,17 @@ class DroneRecordings:
             )
             self._report(key, name, FAILED, text)
         else:
-            try:
-                actions[do](name, key)
-            except OSError as error:
-                text = f'the folder {self._folder} on the drone cannot be used: {error}'
-                self._report(key, name, FAILED, text)
+            self._try(actions[do], name, key)
+
+    def _try(self, action: Callable[[str, str], None], name: str, key: str) -> None:
+        """Run an action for a request; report to the ground if the drone rejects the request."""
+        try:
+            action(name, key)
+        except _RejectedError as error:
+            self._report(key, name, FAILED, str(error))
+        except OSError as error:
+            text = f'the folder {self._folder} on the drone cannot be used: {error}'
+            self._report(key, name, FAILED, text)
 
     def fail(self, error: Exception) -> None:
         """Report an error of the recording, and request the recorder to complete its bag."""
@@ -175,34 +185,27 @@ class DroneRecordings:
         self._status.destroy()
 
     def _record(self, name: str, key: str) -> None:
-        if self._process is not None:
-            if name == self._name:
-                self._watch(name, key)
-            else:
-                text = f'the drone is still recording {self._name}: end that recording first'
-                self._report(key, name, FAILED, text)
+        if self._process is not None and name == self._name:
+            self._watch(name, key)
             return
+        if self._process is not None:
+            raise _RejectedError(
+                f'the drone is still recording {self._name}: end that recording first'
+            )
         bag = self._folder / name
         if bag.exists():
-            text = (
+            raise _RejectedError(
                 f'the drone already has a bag {name}: choose another name, or fetch that bag with '
                 f"'arm fetch {name}'"
             )
-            self._report(key, name, FAILED, text)
-            return
         self._logs = self._logs or Path(tempfile.mkdtemp(prefix='aerarm_recordings_'))
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            self._process = NodeProcess(
-                'recorder',
-                ('--ros-args', '-r', f'__ns:={self._node.get_namespace()}', '--'),
-                {'bag': str(bag)},
-                log=self._logs / f'{name}.log',
-            )
-        except OSError as error:
-            text = f'the folder {self._folder} on the drone cannot be used: {error.strerror}'
-            self._report(key, name, FAILED, text)
-            return
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._process = NodeProcess(
+            'recorder',
+            ('--ros-args', '-r', f'__ns:={self._node.get_namespace()}', '--'),
+            {'bag': str(bag)},
+            log=self._logs / f'{name}.log',
+        )
         # The recorder inherits the real-time priority of this process, which would slow the bridge.
         with suppress(OSError):
             os.sched_setscheduler(self._process.pid, os.SCHED_OTHER, os.sched_param(0))
@@ -273,21 +276,18 @@ class DroneRecordings:
                 advice = f"run 'arm fetch {self._name}' to fetch the incomplete bag"
                 self._report(key, self._name, FAILED, f'{text}; {advice}')
             else:
-                self._offer(self._name, key)
+                self._try(self._offer, self._name, key)
 
     def _offer(self, name: str, key: str) -> None:
-        """Offer a bag to the ground, or report why the drone cannot offer it."""
+        """Offer a bag to the ground, or reject the request."""
         bag = self._folder / name
         if not (bag / METADATA).is_file():
-            self._report(key, name, FAILED, f'the drone has no bag {name} in {self._folder}')
-            return
+            raise _RejectedError(f'the drone has no bag {name} in {self._folder}')
         if is_being_written(bag):
-            text = (
+            raise _RejectedError(
                 f'another recorder on the drone is still recording {name}: end that recorder, then '
                 f"run 'arm fetch {name}'"
             )
-            self._report(key, name, FAILED, text)
-            return
         number = (self._number + 1) & 0xFFFF
         server = FileServer(bag, number)
         for other, served in list(self._served.items()):
@@ -345,8 +345,7 @@ class GroundRecordings:
         self._connection = connection
         self._rate = values.fetch_rate * 1e6 / 8.0 / (BLOCK + 100.0)  # blocks/s
         self._reader = RawReader(node, topics.RECORD_REQUEST.queued(10))
-        topic = topics.RECORD_REPORT
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._publisher = topics.RECORD_REPORT.publisher(node)
         self._folders: dict[str, Path] = {}  # of requested bags, by request
         self._messages: dict[str, SentMessage] = {}
         self._fetch: Fetch | None = None

@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.link.connection import BULK, MESSAGE_MAX, PROMPT, Connection, SentMessage
 
-_HEAD = struct.Struct('<qHH')  # stamp, samples, numbers
+_HEAD = struct.Struct('<qH')  # stamp, numbers
 
 
 class Window(NamedTuple):
@@ -34,49 +35,41 @@ class Window(NamedTuple):
     ----------
     stamp_ns
         Stamp of the newest sample [ns].
-    samples
-        Number of samples.
     newest, minimum, maximum : (n,) ndarray
         Newest sample, and extremes of each of the n numbers. The extremes are NaN where a sample of
         the window is NaN.
     """
 
     stamp_ns: int
-    samples: int
     newest: NDArray[np.float64]
     minimum: NDArray[np.float64]
     maximum: NDArray[np.float64]
 
 
-def window_of(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> Window:
-    """Summarize samples of shape (n,); `stamp_ns` [ns] is the stamp of the last sample."""
+def pack_window(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> bytes:
+    """Summarize samples (n,) as bytes: the newest in single, the extremes in half precision.
+
+    `stamp_ns` [ns] is the stamp of the last sample.
+    """
     rows = np.stack(samples)
-    return Window(stamp_ns, len(rows), rows[-1], rows.min(axis=0), rows.max(axis=0))
-
-
-def pack_window(window: Window) -> bytes:
-    """Encode a window as bytes: newest sample in single, extremes in half precision."""
-    newest = window.newest.astype('<f4')
+    newest = rows[-1].astype('<f4')
     with np.errstate(over='ignore', invalid='ignore'):
-        below = _rounded_up(newest - window.minimum)
-        above = _rounded_up(window.maximum - newest)
-    head = _HEAD.pack(window.stamp_ns, min(window.samples, 65535), len(newest))
-    return head + newest.tobytes() + below.tobytes() + above.tobytes()
+        below = _rounded_up(newest - rows.min(axis=0))
+        above = _rounded_up(rows.max(axis=0) - newest)
+    parts = newest, below, above
+    return _HEAD.pack(stamp_ns, len(newest)) + b''.join(part.tobytes() for part in parts)
 
 
 def unpack_window(content: bytes) -> Window:
     """Decode a window from bytes; raise ValueError if the bytes are invalid."""
-    if len(content) < _HEAD.size:
-        raise ValueError(f'a window of joint states has only {len(content)} bytes')
-    stamp_ns, count, n = _HEAD.unpack_from(content)
+    stamp_ns, n = _HEAD.unpack_from(content.ljust(_HEAD.size, b'\0'))
     if len(content) != _HEAD.size + 8 * n:
         raise ValueError(
             f'a window of joint states has {len(content)} bytes instead of {_HEAD.size + 8 * n}'
         )
-    place = _HEAD.size
-    newest = np.frombuffer(content, '<f4', n, place).astype(float)
-    below, above = np.frombuffer(content, '<f2', 2 * n, place + 4 * n).astype(float).reshape(2, n)
-    return Window(stamp_ns, count, newest, newest - below, newest + above)
+    newest = np.frombuffer(content, '<f4', n, _HEAD.size).astype(float)
+    below, above = np.frombuffer(content, '<f2', 2 * n, _HEAD.size + 4 * n).reshape(2, n)
+    return Window(stamp_ns, newest, newest - below, newest + above)
 
 
 def _rounded_up(distance: NDArray[np.float64]) -> NDArray[np.float16]:
@@ -107,21 +100,8 @@ VALUES = (
     topics.RECORDED_UNTIL,
 )
 """Other periodic topics; the ground receives only the newest message, at a lower rate."""
-STEADY = (
-    topics.JOINT_STATES,
-    topics.MOTOR_STATES,
-    topics.MOTOR_POWER,
-    topics.IMU,
-    topics.ODOMETRY,
-    topics.EXTERNAL_ODOMETRY,
-    topics.TOOL_POSE,
-    topics.BASE_WRENCH,
-    topics.ARM_INERTIA,
-    topics.ARM_COM,
-)
-"""Topics that their publishers publish periodically without pauses."""
 SILENT = 2.0
-"""Time [s] without a message after which the drone warns about a topic in `STEADY`."""
+"""Time [s] without joint states after which the drone warns about them."""
 EVENTS = (
     topics.ARM_MODE,
     topics.PLAN_STATUS,
@@ -183,7 +163,7 @@ class DroneTopics:
         self._node = node
         self._connection = connection
         self._reader = RawReader(node, *(topic.queued(_DEPTH) for topic in DOWN))
-        self._came: dict[str, float] = {}  # [s], of the newest message of each topic
+        self._came = -inf  # [s], of the newest joint state
         self._windows = [JointStateStream(self._send_layout) for _ in WINDOWED]
         self._periods = [1.0 / rates[topic.name] for topic in (*WINDOWED, *VALUES)]
         self._due = [0.0] * len(self._periods)
@@ -191,13 +171,13 @@ class DroneTopics:
         self._latched: dict[int, tuple[bytes, SentMessage]] = {}
         # newest diagnostics during a loss of connection, by the names of their statuses
         self._kept: dict[tuple[str, ...], SentMessage] = {}
-        self._publishers = [_publisher(node, topic) for topic in COMMANDS]
+        self._publishers = [topic.publisher(node) for topic in COMMANDS]
 
     def update(self, now: float) -> None:
         """Pass messages that were received from the drone's nodes to the connection."""
         for channel in range(len(DOWN)):
             for payload in _waiting(self._reader, channel):
-                self._came[DOWN[channel].name] = now
+                self._came = now if DOWN[channel] is topics.JOINT_STATES else self._came
                 if DOWN[channel] is topics.DIAGNOSTICS:
                     self._send_diagnostics(channel, payload, self._connection.is_up(now))
                 else:
@@ -218,26 +198,11 @@ class DroneTopics:
             self._send_layout(text)
 
     def problem(self, now: float) -> str:
-        """Return a warning about topics in `STEADY` without recent messages, or an empty string.
-
-        A topic without a publisher counts as ended, except `joint_states`, because a bridge must
-        run.
-        """
-        ages = {
-            topic.name: now - self._came[topic.name]
-            for topic in STEADY
-            if now - self._came.get(topic.name, now) > SILENT
-            and (topic is topics.JOINT_STATES or self._node.count_publishers(topic.name))
-        }
-        if ages:
-            listed = ', '.join(f'{name} for {age:.0f} s' for name, age in ages.items())
-            return f'no message on the drone on {listed}: check the nodes that publish these topics'
-        if topics.JOINT_STATES.name not in self._came:
-            return (
-                f'no message on the drone on {topics.JOINT_STATES.name}: start the bridge on the '
-                'drone'
-            )
-        return ''
+        """Return a warning if no joint states arrive, or an empty string."""
+        if now - self._came <= SILENT:
+            return ''
+        silent = f' for {now - self._came:.0f} s' if isfinite(self._came) else ''
+        return f'no joint_states on the drone{silent}: check that the bridge runs on the drone'
 
     def publish(self, channel: int, payload: bytes) -> None:
         """Publish a command that was received from the ground."""
@@ -344,7 +309,7 @@ class JointStateStream:
             samples, slot.samples = slot.samples, []
             if samples:
                 self._slots[key] = self._slots.pop(key)  # the last used is the last
-                content = pack_window(window_of(slot.stamp_ns, samples))
+                content = pack_window(slot.stamp_ns, samples)
                 yield slot.place, _LAYOUT.pack(zlib.crc32(slot.text)) + content
 
     def _learn(self, payload: bytes) -> tuple[JointStateCdr, JointSample] | None:
@@ -455,7 +420,7 @@ class GroundTopics:
     def _publisher(self, topic: Topic) -> Publisher:
         publisher = self._publishers.get(topic.name)
         if publisher is None:
-            publisher = self._publishers[topic.name] = _publisher(self._node, topic)
+            publisher = self._publishers[topic.name] = topic.publisher(self._node)
         return publisher
 
 
@@ -501,10 +466,6 @@ def _waiting(reader: RawReader, index: int) -> Iterator[bytes]:
         if message is None:
             return
         yield message[0]
-
-
-def _publisher(node: Node, topic: Topic) -> Publisher:
-    return node.create_publisher(topic.type, topic.name, topic.offered)
 
 
 @dataclass

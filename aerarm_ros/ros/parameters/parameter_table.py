@@ -107,7 +107,7 @@ class ParameterTable:
                     if on_change is not None:
                         on_change(change.name, value)
 
-        node.add_pre_set_parameters_callback(self._adapt)
+        node.add_pre_set_parameters_callback(lambda changes: [self._adapt(c) for c in changes])
         node.add_on_set_parameters_callback(judge)
         node.add_post_set_parameters_callback(store)
         return values
@@ -126,10 +126,7 @@ class ParameterTable:
         node.set_descriptor(parameter.name, _descriptor(parameter))
         return value
 
-    def _adapt(self, changes: Sequence[RosParameter]) -> list[RosParameter]:
-        return [self._adapt_one(change) for change in changes]
-
-    def _adapt_one(self, change: RosParameter) -> RosParameter:
+    def _adapt(self, change: RosParameter) -> RosParameter:
         parameter = self._parameters.get(change.name)
         if parameter is None:
             return change

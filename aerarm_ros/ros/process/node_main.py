@@ -215,8 +215,12 @@ def run_node(
             status = interruption.during(lambda: _read_command_line(command_line, args))
             if status is not None:
                 return status
-        if not _may_start(name):
-            return USER_ERROR
+        try:
+            notice = stay_on_this_host()
+        except ValueError as error:
+            return _report(name, error, USER_ERROR)
+        if notice:
+            print_notice(name, notice)
         return _run_node(name, create, args, interruption)
 
 
@@ -290,18 +294,6 @@ def _run_node(
             finally:
                 rclpy.try_shutdown()
     return node.status if node is not None else 0
-
-
-def _may_start(name: str) -> bool:
-    """Set environment variables for ROS discovery; if one is invalid, print it, return False."""
-    try:
-        notice = stay_on_this_host()
-    except ValueError as error:
-        print_error(name, error)
-        return False
-    if notice:
-        print_notice(name, notice)
-    return True
 
 
 def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:

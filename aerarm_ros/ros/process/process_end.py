@@ -146,7 +146,6 @@ _ENDING: tuple[int, ...] = tuple(
         *('SIGHUP', 'SIGABRT', 'SIGALRM', 'SIGVTALRM', 'SIGPROF', 'SIGUSR1', 'SIGUSR2'),
         *('SIGXCPU', 'SIGIO', 'SIGPWR', 'SIGSTKFLT', 'SIGSYS', 'SIGTRAP'),
     )
-    if name in signal.Signals.__members__  # systems other than Linux lack some of them
 )
 _ENDING += tuple(range(signal.SIGRTMIN, signal.SIGRTMAX + 1))
 # Signals that stop a process until it is continued: Ctrl-Z, and access from the background.

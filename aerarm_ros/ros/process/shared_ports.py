@@ -63,8 +63,6 @@ def shorten_wait(path: Path) -> bool:
 class PortWatch:
     """Context in which a thread shortens the wait times of new Fast DDS ports on this host.
 
-    On systems other than Linux, which lack inotify, the context does nothing.
-
     Parameters
     ----------
     folder
@@ -79,8 +77,6 @@ class PortWatch:
 
     def __enter__(self) -> PortWatch:
         library = ctypes.CDLL(None, use_errno=True)
-        if not hasattr(library, 'inotify_init1'):
-            return self
         self._events = library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
         mask = _IN_CREATE | _IN_MOVED_TO
         if (

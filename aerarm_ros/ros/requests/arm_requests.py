@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import rclpy
@@ -84,41 +85,23 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     return ask
 
 
-def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    from aerarm_ros.ros.requests.motion_request import SetPointRequest
+def _motion(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    """Return a function that moves the joints or the tool, or presses the tool on a wall."""
+    from aerarm_ros.ros.requests.motion_request import PressRequest, SetPointRequest, ToolRequest
 
-    request = SetPointRequest(node)
-
-    def ask() -> None:
-        request.go(options.angle, options.tolerance, options.timeout, _say_wait, options.on_contact)
-        print('the arm has reached its goal', flush=True)
-
-    return ask
-
-
-def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    from aerarm_ros.ros.requests.motion_request import ToolRequest
-
-    request = ToolRequest(node)
-
-    def ask() -> None:
-        place = options.x, options.y, options.z
-        request.go(place, options.tolerance, options.timeout, _say_wait, options.frame)
-        print('the tool has reached its goal', flush=True)
-
-    return ask
-
-
-def _press(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    from aerarm_ros.ros.requests.motion_request import PressRequest
-
-    request = PressRequest(node)
-
-    def ask() -> None:
-        force = options.x, options.y, options.z
-        print(request.press(force, options.timeout, _say_wait), flush=True)
-
-    return ask
+    given = options
+    act: Callable[[], str]
+    if given.command == 'go':
+        go = SetPointRequest(node).go
+        act = partial(go, given.angle, given.tolerance, given.timeout, _say_wait, given.on_contact)
+    elif given.command == 'tool':
+        place = given.x, given.y, given.z
+        move = ToolRequest(node).go
+        act = partial(move, place, given.tolerance, given.timeout, _say_wait, given.frame)
+    else:
+        press = PressRequest(node).press
+        act = partial(press, (given.x, given.y, given.z), given.timeout, _say_wait)
+    return lambda: print(act(), flush=True)
 
 
 def _set(node: Node, options: argparse.Namespace) -> Callable[[], None]:
@@ -178,9 +161,9 @@ def _calibrate(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 # Every other command calls the bridge's service of its name.
 _REQUESTS: dict[str, Callable[[Node, argparse.Namespace], Callable[[], None]]] = {
-    'go': _go,
-    'tool': _tool,
-    'press': _press,
+    'go': _motion,
+    'tool': _motion,
+    'press': _motion,
     'set': _set,
     'fault': _fault,
     'record': _record,

@@ -75,11 +75,8 @@ class CommissioningClient:
         self._sent = self._received_at = -_PERIOD
         self._prefix = ''
         self._saved: CommissioningRecord | None = None
-        requests, reports = topics.COMMISSIONING_REQUEST, topics.COMMISSIONING_REPORT
-        self._publisher = node.create_publisher(requests.type, requests.name, requests.offered)
-        self._subscription = node.create_subscription(
-            reports.type, reports.name, self._on_report, reports.qos
-        )
+        self._publisher = topics.COMMISSIONING_REQUEST.publisher(node)
+        self._subscription = topics.COMMISSIONING_REPORT.subscription(node, self._on_report)
 
     @property
     def is_on(self) -> bool:

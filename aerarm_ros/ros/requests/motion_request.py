@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 
 import numpy as np
@@ -83,13 +83,9 @@ class RejectionWatch:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        # Number and newest text of rejections and contacts, by controller; now and at `begin`.
-        self._rejected: dict[str, tuple[int, str]] = {}
-        self._touched: dict[str, tuple[int, str]] = {}
-        self._before: tuple[dict[str, tuple[int, str]], ...] = ({}, {})
-        self._modes: dict[str, str] = {}  # the arm's mode that each controller reports
-        topic = topics.DIAGNOSTICS
-        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
+        self._values: dict[str, dict[str, str]] = {}  # newest values of each status
+        self._before = self._values.copy()  # at the call of `begin`
+        topics.DIAGNOSTICS.subscription(node, self._on_diagnostics)
 
     def begin(self, timeout: float) -> None:
         """Wait for the controllers' diagnostics, and store their counts of rejections and contacts.
@@ -100,32 +96,34 @@ class RejectionWatch:
             Longest time for a new controller to receive the arm's mode [s]. Without the mode, the
             controller rejects every input.
         """
-        if spin_until(self._node, lambda: self._modes, _REPORT):
-            spin_until(self._node, lambda: any(self._modes.values()), timeout)
-        self._before = dict(self._rejected), dict(self._touched)
+        if spin_until(self._node, lambda: list(self._modes()), _REPORT):
+            spin_until(self._node, lambda: any(self._modes()), timeout)
+        self._before = self._values.copy()
 
     def reason(self) -> str:
         """Return why a controller rejected an input after the call of `begin`, '' if none did."""
-        before, _ = self._before
-        later = self._rejected.items()
-        return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
+        known = self._values.keys() & self._before.keys()
+        return self._news(known, _COUNT, _REASON)
 
     def touch(self) -> str:
         """Return how a contact ended a motion after the call of `begin`, '' if none did."""
-        _, before = self._before
-        later = self._touched.items()
-        return next((how for name, (n, how) in later if n > before.get(name, (0, ''))[0]), '')
+        return self._news(self._values, _REACTIONS, 'last motion')
+
+    def _news(self, names: Iterable[str], count: str, text: str) -> str:
+        """Return the value `text` of the first status whose `count` has increased, or ''."""
+        for name in names:
+            values, before = self._values[name], self._before.get(name, {})
+            if int(values.get(count, 0)) > int(before.get(count, 0)):
+                return values.get(text, '')
+        return ''
+
+    def _modes(self) -> Iterator[str]:
+        """Yield the arm's mode that each controller reports."""
+        return (values[_MODE] for values in self._values.values() if _MODE in values)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            if _REACTIONS in values:
-                how = values.get('last motion', '')
-                self._touched[status.name] = int(values[_REACTIONS]), how
-            if _COUNT in values:
-                self._rejected[status.name] = int(values[_COUNT]), values[_REASON]
-            if _MODE in values:
-                self._modes[status.name] = values[_MODE]
+            self._values[status.name] = {pair.key: pair.value for pair in status.values}
 
 
 _REACTION = 'contact_reaction'  # parameter of the controllers
@@ -148,12 +146,8 @@ class _MotionRequest:
         self._node = node
         self._mode = ''
         self._rejections = RejectionWatch(node)
-        topic = self._TOPIC
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
-        self._listen(topics.ARM_MODE, self._on_mode)
-
-    def _listen(self, topic: Topic, callback: Callable[..., None]) -> None:
-        self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
+        self._publisher = self._TOPIC.publisher(node)
+        topics.ARM_MODE.subscription(node, self._on_mode)
 
     def _on_mode(self, message: String) -> None:
         self._mode = message.data
@@ -165,6 +159,24 @@ class _MotionRequest:
                 f'the arm cannot move in the arm_mode {self._mode}: run '
                 f'{to_switch_on(self._mode)} first'
             )
+
+    def _find_controller(
+        self,
+        is_there: Callable[[], bool],
+        quiet: float,
+        timeout: float,
+        on_wait: Callable[[], None],
+        missing: str,
+    ) -> None:
+        """Wait for a controller and a mode that permits motion, or raise ArmClientError.
+
+        After `quiet` [s] the method calls `on_wait`.
+        """
+        if not spin_until(self._node, is_there, min(timeout, quiet)):
+            on_wait()
+            if not spin_until(self._node, is_there, timeout):
+                raise ArmClientError(missing)
+        self._require_held()
 
     def _wait(self, ended: Callable[[], bool], timeout: float) -> bool:
         """Return whether the motion ended in time, or raise ArmClientError if it was rejected."""
@@ -188,7 +200,7 @@ class SetPointRequest(_MotionRequest):
     def __init__(self, node: Node) -> None:
         super().__init__(node)
         self._state: JointState | None = None
-        self._listen(topics.JOINT_STATES, self._on_state)
+        topics.JOINT_STATES.subscription(node, self._on_state)
 
     def go(
         self,
@@ -197,8 +209,8 @@ class SetPointRequest(_MotionRequest):
         timeout: float,
         on_wait: Callable[[str], None] = lambda _: None,
         reaction: str = '',
-    ) -> None:
-        """Move the arm to a posture and wait until it arrives.
+    ) -> str:
+        """Move the arm to a posture, wait until it arrives, and return the result.
 
         Parameters
         ----------
@@ -230,6 +242,7 @@ class SetPointRequest(_MotionRequest):
                 request = ParameterRequest(self._node, controller, timeout)
                 stack.enter_context(request.during(_REACTION, reaction))
             self._move(names, posture, tolerance, timeout)
+        return 'the arm has reached its goal'
 
     def _move(
         self, names: list[str], posture: Sequence[float], tolerance: float, timeout: float
@@ -318,7 +331,7 @@ class ToolRequest(_MotionRequest):
     def __init__(self, node: Node) -> None:
         super().__init__(node)
         self._pose: PoseStamped | None = None
-        self._listen(topics.TOOL_POSE, self._on_pose)
+        topics.TOOL_POSE.subscription(node, self._on_pose)
 
     def go(
         self,
@@ -327,8 +340,8 @@ class ToolRequest(_MotionRequest):
         timeout: float,
         on_wait: Callable[[str], None] = lambda _: None,
         frame: str = BASE,
-    ) -> None:
-        """Move the tool to a position and wait until it arrives.
+    ) -> str:
+        """Move the tool to a position, wait until it arrives, and return the result.
 
         Parameters
         ----------
@@ -372,6 +385,7 @@ class ToolRequest(_MotionRequest):
                 f'the tool is still {distance():.3f} m away from its goal after {timeout:g} s, '
                 f'and arm_mode is {self._mode}: check the log of the controller'
             )
+        return 'the tool has reached its goal'
 
     def _require_frame(self, wanted: str, given: str) -> None:
         if wanted == WORLD and given.endswith(_BASE_LINK):
@@ -393,13 +407,8 @@ class ToolRequest(_MotionRequest):
             return has_pose and self._publisher.get_subscription_count() > 0
 
         what = f'a controller that moves the tool, such as {controller}, in {this_domain()}'
-        if not spin_until(self._node, is_there, min(timeout, 1.0)):
-            on_wait(what)
-            if not spin_until(self._node, is_there, timeout):
-                raise ArmClientError(
-                    f'no controller publishes the pose of the tool: start a bridge and {what}'
-                )
-        self._require_held()
+        missing = f'no controller publishes the pose of the tool: start a bridge and {what}'
+        self._find_controller(is_there, 1.0, timeout, lambda: on_wait(what), missing)
 
     def _on_pose(self, message: PoseStamped) -> None:
         self._pose = message
@@ -424,8 +433,7 @@ class PressRequest(_MotionRequest):
         super().__init__(node)
         self._reports = 0
         self._phase, self._force, self._text = '', 0.0, ''
-        self._rejected, self._reason = 0, ''
-        self._listen(topics.DIAGNOSTICS, self._on_diagnostics)
+        topics.DIAGNOSTICS.subscription(node, self._on_diagnostics)
 
     def press(
         self,
@@ -451,19 +459,17 @@ class PressRequest(_MotionRequest):
         message = WrenchStamped()
         f = message.wrench.force
         f.x, f.y, f.z = (float(x) for x in force)
-        before, rejected, wanted = self._reports, self._rejected, float(np.linalg.norm(force))
+        self._rejections.begin(timeout)
+        before, wanted = self._reports, float(np.linalg.norm(force))
         self._publisher.publish(message)
 
         def ended() -> bool:
-            # The first report may be older than the force.
-            if self._rejected > rejected or self._reports < before + 2:
-                return self._rejected > rejected
+            if self._reports < before + 2:
+                return False  # the first report may be older than the force
             reached = abs(self._force - wanted) <= _FORCE_TOLERANCE
             return self._phase == _NO_CONTACT or self._phase == _CONTACT and reached
 
-        in_time = spin_until(self._node, ended, timeout)
-        if self._rejected > rejected:
-            raise ArmClientError(rejection(self._reason))
+        in_time = self._wait(ended, timeout)
         if wanted == 0.0 and self._phase == _NO_CONTACT:
             return 'the contact has ended'
         if self._phase == _NO_CONTACT:
@@ -481,14 +487,12 @@ class PressRequest(_MotionRequest):
         def is_there() -> bool:
             return bool(self._publisher.get_subscription_count() and self._reports and self._mode)
 
-        if not spin_until(self._node, is_there, min(timeout, _REPORT)):
-            on_wait(f'world_control in {this_domain()}')
-            if not spin_until(self._node, is_there, timeout):
-                raise ArmClientError(
-                    'no controller accepts a tool force: start a bridge, and start world_control '
-                    f'with an observer_gain above 0, in {this_domain()}'
-                )
-        self._require_held()
+        missing = (
+            'no controller accepts a tool force: start a bridge, and start world_control with an '
+            f'observer_gain above 0, in {this_domain()}'
+        )
+        what = f'world_control in {this_domain()}'
+        self._find_controller(is_there, _REPORT, timeout, lambda: on_wait(what), missing)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -497,4 +501,3 @@ class PressRequest(_MotionRequest):
                 self._reports += 1
                 self._phase, self._text = values[TOOL_FORCE_PHASE], status.message
                 self._force = float(values[TOOL_FORCE])
-                self._rejected, self._reason = int(values[_COUNT]), values[_REASON]

@@ -61,9 +61,8 @@ class RecordingRequest:
         self._report: dict[str, object] = {}
         self._id = ''
         self._is_stopped = False
-        request, report = topics.RECORD_REQUEST, topics.RECORD_REPORT
-        self._publisher = node.create_publisher(request.type, request.name, request.offered)
-        node.create_subscription(report.type, report.name, self._on_report, report.qos)
+        self._publisher = topics.RECORD_REQUEST.publisher(node)
+        topics.RECORD_REPORT.subscription(node, self._on_report)
 
     def is_on_ground(self) -> bool:
         """Return whether this host is on the ground, and reaches the bridge through `ground_link`.

@@ -7,17 +7,20 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr, decode_joint_state
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.states.state_stream import Answers, decoded_odometry, to_imu_sample
+from aerarm_ros.ros.states.state_stream import (
+    Answers,
+    decoded_imu,
+    decoded_odometry,
+    decoded_rotors,
+)
 
 
 class RotorCommands:
@@ -55,24 +58,17 @@ class RotorCommands:
         self.reader.destroy()
 
     def _decode(self, payload: bytes) -> tuple[int, Array]:
-        sample = self._cdr.unpack(payload)
-        names: Sequence[str] = self._names
-        if sample is None:
-            names, sample = decode_joint_state(payload)
+        names, stamp_ns, thrust = decoded_rotors(self._cdr, payload)
         if sorted(names) != sorted(self._names):
             raise ValueError(
                 f'the message contains the rotors {", ".join(names) or "without names"}, but the '
                 f'drone of drone_file has the rotors {", ".join(self._names)}: use the same '
                 'drone_file for this node and the flight controller'
             )
-        if sample.effort is None:
-            raise ValueError(
-                'the field effort is empty: send the thrust of each rotor [N] in this field'
-            )
-        thrust = sample.effort[[list(names).index(name) for name in self._names]]
+        thrust = thrust[[names.index(name) for name in self._names]]
         if not np.all(np.isfinite(thrust)):
             raise ValueError('a rotor thrust is NaN or infinite: check the flight controller')
-        return sample.stamp_ns, thrust
+        return stamp_ns, thrust
 
 
 _ODOMETRY, _IMU = 0, 1
@@ -120,12 +116,8 @@ class FlightStream:
         """Return all unread IMU samples, and report and skip invalid samples."""
         samples = []
         while (raw := self._reader.take(_IMU)) is not None:
-            try:
-                samples.append(to_imu_sample(deserialize_message(raw[0], Imu)))
-            except RejectedInputError as error:
-                self._reject(str(error))
-            except RuntimeError as error:
-                self._reject(f'imu: {error}')
+            sample = decoded_imu(raw[0], self._reject)
+            samples += [] if sample is None else [sample]
         return samples
 
     def destroy(self) -> None:

@@ -343,13 +343,8 @@ class StateStream:
             if self._gives_all and info['received_timestamp'] > self._received_ns:
                 self._early.append((payload, info))
                 continue
-            try:
-                sample = to_imu_sample(deserialize_message(payload, Imu))
-            except RejectedInputError as error:
-                self._reject(str(error))
-            except RuntimeError as error:  # RMWError: not a valid message
-                self._reject(f'imu: {error}')
-            else:
+            sample = decoded_imu(payload, self._reject)
+            if sample is not None:
                 samples.append((sample, self._received_ns - info['received_timestamp']))
         return samples
 
@@ -368,21 +363,13 @@ class StateStream:
         if message is None:
             return None
         payload, info = message
-        names, sample = self._rotors.names, self._rotors.unpack(payload)
         try:
-            if sample is None:
-                names, sample = decode_joint_state(payload)
+            names, stamp_ns, thrust = decoded_rotors(self._rotors, payload)
         except ValueError as error:
             self._reject(f'rotor_command: {error}')
             return None
-        if sample.effort is None:
-            self._reject(
-                'rotor_command rejected, because the field effort is empty: send the thrust of '
-                'each rotor [N] in this field'
-            )
-            return None
         lead_ns = self._received_ns - info['received_timestamp']
-        return RotorThrusts(names, sample.effort, sample.stamp_ns * 1e-9, lead_ns)
+        return RotorThrusts(names, thrust, stamp_ns * 1e-9, lead_ns)
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""
@@ -401,6 +388,20 @@ class StateStream:
             return None
 
 
+def decoded_rotors(
+    cdr: JointStateCdr, payload: bytes
+) -> tuple[tuple[str, ...], int, NDArray[np.float64]]:
+    """Return rotor names, stamp [ns] and thrusts [N] of a rotor command; raises ValueError."""
+    names, sample = cdr.names, cdr.unpack(payload)
+    if sample is None:
+        names, sample = decode_joint_state(payload)
+    if sample.effort is None:
+        raise ValueError(
+            'the field effort is empty: send the thrust of each rotor [N] in this field'
+        )
+    return names, sample.stamp_ns, sample.effort
+
+
 def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry | None:
     """Decode a serialized odometry message; report an invalid message and return None."""
     try:
@@ -408,6 +409,17 @@ def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry 
     except RuntimeError as error:  # RMWError: not a valid message
         reject(f'odometry: {error}')
         return None
+
+
+def decoded_imu(payload: bytes, reject: Callable[[str], None]) -> ImuSample | None:
+    """Decode a serialized IMU message; report an invalid message and return None."""
+    try:
+        return to_imu_sample(deserialize_message(payload, Imu))
+    except RejectedInputError as error:
+        reject(str(error))
+    except RuntimeError as error:  # RMWError: not a valid message
+        reject(f'imu: {error}')
+    return None
 
 
 def to_imu_sample(message: Imu) -> ImuSample:

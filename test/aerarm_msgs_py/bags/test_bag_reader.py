@@ -8,13 +8,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py.bags.bag import RecordedMessage
-from aerarm_msgs_py.bags.bag_reader import (
-    BagError,
-    BagWarning,
-    joint_state_blocks,
-    read_joint_states,
-    topics,
-)
+from aerarm_msgs_py.bags.bag_reader import BagError, BagWarning, read_joint_states, topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 
 
@@ -36,14 +30,6 @@ def test_reads_every_number_back(write_bag, recording, compression: str) -> None
     np.testing.assert_array_equal(series.sequence, np.arange(1, 3001))
     motor = read_joint_states(directory, 'motor_states')
     np.testing.assert_array_equal(motor.velocity, 10 * series.velocity)
-
-
-def test_blocks_are_the_whole_in_parts(write_bag, recording) -> None:
-    directory = write_bag(recording.messages(8000))
-    blocks = list(joint_state_blocks(directory))
-    assert len(blocks) > 1
-    whole = read_joint_states(directory)
-    np.testing.assert_array_equal(np.concatenate([b.effort for b in blocks]), whole.effort)
 
 
 def test_joints_go_by_name_when_their_order_or_number_changes(write_bag) -> None:

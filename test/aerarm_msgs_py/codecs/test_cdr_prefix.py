@@ -4,15 +4,13 @@ from aerarm_msgs_py.codecs.cdr import CdrPrefix
 
 
 def prefix_of(*texts: str) -> CdrPrefix:
-    prefix = CdrPrefix(4)
-    prefix.add_strings(texts)
-    return prefix
+    return CdrPrefix(4, '', texts)
 
 
 def test_padding_is_open_and_everything_else_is_not() -> None:
     prefix = prefix_of('a', 'b')
     payload = bytearray(b'\0\1\0\0' + prefix.content)
-    padding = {14, 15}  # behind 'a\0'; 'b\0' ends the prefix
+    padding = {9, 10, 11, 22, 23, 30, 31}  # behind '\0', 'a\0' and 'b\0'
     for k in range(4, len(payload)):
         changed = payload.copy()
         changed[k] ^= 0x55

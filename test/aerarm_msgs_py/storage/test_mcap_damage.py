@@ -10,11 +10,10 @@ import zstandard
 from bag_originals import TOPICS, messages
 from mcap.writer import Writer
 
-from aerarm_msgs_py.bags.bag import RecordedMessage
+from aerarm_msgs_py.bags.bag import Bag, RecordedMessage
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_msgs_py.bags.mcap_writer import McapWriter
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.storage.mcap_file import McapFile
 from aerarm_msgs_py.storage.read_limits import BagError, BagWarning, ReadLimits
 
 COUNT, CHUNK = 200, 40
@@ -146,7 +145,7 @@ def test_very_many_topics_are_refused(tmp_path: Path) -> None:
             writer.register_channel(f'/{k}', 'cdr', 0)
         writer.finish()
     with pytest.raises(BagError, match='more than 4096 topics'):
-        list(McapFile(path).blocks())
+        list(Bag(path).blocks())
 
 
 def test_damage_at_very_many_places_is_summed_up(file: Path) -> None:

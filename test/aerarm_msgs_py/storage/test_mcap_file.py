@@ -9,7 +9,11 @@ from mcap.writer import CompressionType, Writer
 
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_msgs_py.storage.mcap_file import McapFile
-from aerarm_msgs_py.storage.read_limits import BagError, BagWarning
+from aerarm_msgs_py.storage.read_limits import BagError, BagWarning, ReadBudget
+
+
+def opened(path: Path) -> McapFile:
+    return McapFile(path, ReadBudget(path, path.stat().st_size))
 
 
 def write(path: Path, messages, **options) -> Path:
@@ -45,7 +49,7 @@ def test_reads_files_of_the_mcap_package(tmp_path: Path, recording, options) -> 
 
 def test_blocks_hold_a_bounded_part_of_a_file_without_chunks(tmp_path: Path, recording) -> None:
     path = write(tmp_path / 'a.mcap', recording.messages(8000), use_chunking=False)
-    blocks = list(McapFile(path).blocks(['/joint_states']))
+    blocks = list(opened(path).blocks(['/joint_states']))
     assert sum(len(block.payloads) for block in blocks) == 8000
     assert max(len(block.payloads) for block in blocks) < 5000
 
@@ -58,19 +62,19 @@ def test_chunks_without_a_topic_are_not_read(tmp_path: Path, recording) -> None:
     place = content.index(b'\x04\0\0\0zstd', content.index(b'\x04\0\0\0zstd') + 1)
     content[place + 60] ^= 0xFF  # in the second chunk: the first one tells what the topics are
     path.write_bytes(content)
-    (*blocks,) = McapFile(path).blocks(['/other'])
+    (*blocks,) = opened(path).blocks(['/other'])
     assert sum(len(block.payloads) for block in blocks) == 400
     with pytest.warns(BagWarning, match='is damaged'):
-        assert sum(len(b.payloads) for b in McapFile(path).blocks(['/joint_states'])) < 400
+        assert sum(len(b.payloads) for b in opened(path).blocks(['/joint_states'])) < 400
 
 
 def test_a_finished_file_contains_message_counts(tmp_path: Path, recording) -> None:
     path = write(tmp_path / 'a.mcap', recording.messages(40))
-    file = McapFile(path)
+    file = opened(path)
     list(file.blocks(['/other']))
     assert file.counts == {'/joint_states': 40, '/other': 40}
     path.write_bytes(path.read_bytes()[:-3000])
-    file = McapFile(path)
+    file = opened(path)
     with pytest.warns(BagWarning, match='is cut off'):
         list(file.blocks())
     assert file.counts is None
@@ -84,7 +88,7 @@ def test_a_missing_end_is_warned_about(tmp_path: Path, recording, cut: int) -> N
     end = content.index(b'\x0f\x04\0\0\0\0\0\0\0')  # the record that ends the messages
     path.write_bytes(content[: end - cut])
     with pytest.warns(BagWarning, match='is cut off'):
-        blocks = list(McapFile(path).blocks(['/other']))
+        blocks = list(opened(path).blocks(['/other']))
     assert sum(len(block.payloads) for block in blocks) == 399
 
 
@@ -94,7 +98,7 @@ def test_garbage_behind_the_messages_is_no_message(tmp_path: Path, recording) ->
     end = content.index(b'\x0f\x04\0\0\0\0\0\0\0')
     path.write_bytes(content[:end] + bytes(500))
     with pytest.warns(BagWarning, match='is cut off'):
-        blocks = list(McapFile(path).blocks())
+        blocks = list(opened(path).blocks())
     assert sum(len(block.payloads) for block in blocks) == 800
 
 
@@ -102,7 +106,7 @@ def test_an_unknown_compression_is_warned_about(tmp_path: Path, recording) -> No
     path = write(tmp_path / 'a.mcap', recording.messages(10))
     path.write_bytes(path.read_bytes().replace(b'\x04\0\0\0zstd', b'\x04\0\0\0abcd'))
     with pytest.warns(BagWarning, match="unknown compression 'abcd'"):
-        assert list(McapFile(path).blocks()) == []
+        assert list(opened(path).blocks()) == []
 
 
 @pytest.mark.filterwarnings('ignore::aerarm_msgs_py.storage.read_limits.BagWarning')

@@ -36,7 +36,7 @@ def test_a_user_without_a_home_logs_among_temporary_files(monkeypatch: pytest.Mo
 
 
 def test_a_node_starts_in_an_empty_environment(ros_domain: dict[str, str]) -> None:
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.arm', 'enable', '--timeout', '0.5']
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'arm', 'enable', '--timeout', '0.5']
     run = subprocess.run(command, env=ros_domain, capture_output=True, text=True, timeout=60)
     assert run.returncode == 1
     assert 'check that a bridge runs' in run.stderr

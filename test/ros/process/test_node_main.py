@@ -92,7 +92,7 @@ def test_help_starts_nothing(capsys) -> None:
 
 
 def test_help_may_be_cut_off(ros_domain) -> None:
-    command = [sys.executable, '-m', 'aerarm_ros.nodes.fake_hardware', '--help']
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'fake_hardware', '--help']
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as node:
