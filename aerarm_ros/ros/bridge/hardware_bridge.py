@@ -393,7 +393,7 @@ class HardwareBridge(LifecycleNode):
             # The motors go off after any end of the loop, including an exception.
             cycle.shutdown()
             self.zero_file.close()
-            self._publish_mode(INACTIVE)
+            self._publish_mode(cycle, INACTIVE)
             self.requests.close()
 
     def stop(self) -> None:
@@ -416,7 +416,7 @@ class HardwareBridge(LifecycleNode):
             cycle.motor_power,
         )
         if cycle.mode != self.mode:
-            self._publish_mode(cycle.mode)
+            self._publish_mode(cycle, cycle.mode)
         self._rejection_log.update(cycle.intake, cycle.mode, now)
         self.zero_file.update(cycle, now)
         self.world.end_cycle(now, self._stamp_ns)
@@ -456,15 +456,11 @@ class HardwareBridge(LifecycleNode):
         cycle.command(offered, now)
         timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
 
-    def _publish_mode(self, mode: str) -> None:
+    def _publish_mode(self, cycle: BridgeCycle, mode: str) -> None:
         self.mode = mode
         self.world.clock.may_step = mode in _MOTORS_OFF
         self._mode_publisher.publish(String(data=mode))
-        cycle = self.cycle
-        reasons, recovery_hint = (
-            (cycle.faults, cycle.recovery_hint(self.world.emulated)) if cycle else ((), '')
-        )
-        self._mode_log.note(mode, reasons, recovery_hint)
+        self._mode_log.note(mode, cycle.faults, cycle.recovery_hint(self.world.emulated))
         self._diagnostics.publish_soon()
 
 
