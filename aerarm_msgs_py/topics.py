@@ -5,6 +5,7 @@ service. `Topic.qos` is the profile of the suite's subscriptions. Publishers use
 which matches all subscriptions.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -61,6 +62,14 @@ class Topic:
             reliability=ReliabilityPolicy.RELIABLE,
             durability=self.qos.durability,
         )
+
+    def publisher(self, node: Any) -> Any:
+        """Create a publisher of the topic on a node."""
+        return node.create_publisher(self.type, self.name, self.offered)
+
+    def subscription(self, node: Any, callback: Callable[[Any], object]) -> Any:
+        """Create a subscription to the topic on a node."""
+        return node.create_subscription(self.type, self.name, callback, self.qos)
 
     @property
     def type_name(self) -> str:

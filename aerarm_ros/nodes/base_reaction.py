@@ -22,7 +22,7 @@ from aerarm_ros.control.base.moving_base_dynamics import BaseReaction
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.motion.signals import ArmState, JointReference
-from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, wrench_message
+from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
 from aerarm_ros.ros.controllers.reaction_topics import (
     BANDWIDTH,
     CONTACT_PARAMETERS,
@@ -33,6 +33,7 @@ from aerarm_ros.ros.controllers.reaction_topics import (
 )
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.graph import SilencePatience
+from aerarm_ros.ros.messages import wrench_message
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.state_stream import base_header

@@ -202,9 +202,7 @@ class HardwareBridge(LifecycleNode):
         self.values = self.world.parameters.declare(
             self, self._on_parameter, self._parameter_problem
         )
-        self._mode_publisher = self.create_publisher(
-            String, topics.ARM_MODE.name, topics.ARM_MODE.offered
-        )
+        self._mode_publisher = topics.ARM_MODE.publisher(self)
         self._mode_log = ModeLog(self)
         self._rejection_log = RejectionLog(self, lambda: self.command_publishers.warning)
         self._diagnostics = BridgeDiagnostics(self, self.world.now_ns)
@@ -265,8 +263,7 @@ class HardwareBridge(LifecycleNode):
             self, topics.JOINT_COMMAND, self.command_publishers.look
         )
         self.duplicates = DuplicatePublisherWatch(self, topics.JOINT_STATES)
-        topic = topics.ROBOT_DESCRIPTION
-        self._description = self.create_publisher(topic.type, topic.name, topic.offered)
+        self._description = topics.ROBOT_DESCRIPTION.publisher(self)
         self._description.publish(String(data=urdf))  # latched for later subscribers
         return SUCCESS
 
@@ -490,7 +487,7 @@ class BridgeStreams:
         self._power_cdr = Float64ArrayCdr(len(self._names))
         self._node = node
         self._joint_states, self._motor_states, self._motor_power = (
-            node.create_publisher(topic.type, topic.name, topic.offered)
+            topic.publisher(node)
             for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.MOTOR_POWER)
         )
         self.commands = RawReader(node, topics.JOINT_COMMAND, identify=True)

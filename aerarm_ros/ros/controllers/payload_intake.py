@@ -13,7 +13,8 @@ from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_compensation import PayloadCompensation
-from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm, body_of_message
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm
+from aerarm_ros.ros.messages import body_of_message
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
 _STEP = 0.005  # [s] between two changes of the model's payload

@@ -77,8 +77,7 @@ class PlanTopic:
         self._stamp_ns = stamp_ns
         self._ahead = ahead
         self._published_ns = -_PERIOD_NS
-        topic = topics.PLANNED_MOTION
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._publisher = topics.PLANNED_MOTION.publisher(node)
         self._message = JointTrajectory(joint_names=list(joint_names))
         self._message.points = [
             JointTrajectoryPoint(time_from_start=Duration(nanosec=round(time * _SECOND)))
@@ -246,7 +245,7 @@ class StateNode:
         def store(message: Any) -> None:
             self._requests.append(lambda now: act(message, now))
 
-        self.node.create_subscription(topic.type, topic.name, store, topic.qos)
+        topic.subscription(self.node, store)
 
     def act(self, action: Callable[[float], None]) -> None:
         """Run a function in the loop's thread before the next joint state is answered."""
@@ -254,7 +253,7 @@ class StateNode:
 
     def advertise(self, topic: Topic) -> Any:
         """Create a publisher of the topic, and return it."""
-        return self.node.create_publisher(topic.type, topic.name, topic.offered)
+        return topic.publisher(self.node)
 
     def since_state_ns(self) -> int:
         """Return the time since the publication of the newest joint state [ns], in real time."""

@@ -167,10 +167,7 @@ class RecordingWatch:
         self._node = node
         self._start_ns = start_ns
         self._until_ns: int | None = None
-        topic = topics.RECORDED_UNTIL
-        self._subscription = node.create_subscription(
-            topic.type, topic.name, self._on_time, topic.qos
-        )
+        self._subscription = topics.RECORDED_UNTIL.subscription(node, self._on_time)
 
     def is_behind(self, now_ns: int) -> bool:
         """Return whether the recorder is more than 0.5 s behind the simulation time `now_ns`."""
@@ -215,12 +212,11 @@ class WorldClock:
     """
 
     def __init__(self, node: Node) -> None:
-        topic = topics.CLOCK
         self._node = node
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._publisher = topics.CLOCK.publisher(node)
         self._due = 0
         self._serialized = b''
-        self._duplicates = DuplicatePublisherWatch(node, topic, _ADVICE)
+        self._duplicates = DuplicatePublisherWatch(node, topics.CLOCK, _ADVICE)
 
     def publish(self, now_ns: int) -> None:
         """Publish the simulation time `now_ns` [ns] if 5 ms have passed since the last message."""

@@ -12,13 +12,9 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.information_filter import ball
-from aerarm_ros.ros.controllers.controller_parameters import (
-    PAYLOAD,
-    ControlledArm,
-    body_of_message,
-    inertia_message,
-)
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm
 from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
+from aerarm_ros.ros.messages import body_of_message, inertia_message
 from aerarm_ros.ros.states.state_stream import base_header
 
 CENTRE, INERTIA = np.array([0.1, 0.0, 0.0]), np.diag([1e-4, 2e-4, 2e-4])
