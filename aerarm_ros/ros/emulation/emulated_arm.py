@@ -56,6 +56,11 @@ _NO_DRONE = 'the parameters contact_force and wall need a flying drone: set dron
 _WALL_LINK = 'tool0'
 
 
+def _load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
+    config, robot = load_arm(values)
+    return (config.with_encoders(values.encoders) if values.encoders else config), robot
+
+
 class EmulatedArm(World):
     """Run the bridge on emulated boards and a simulated arm, in simulation time.
 
@@ -85,9 +90,7 @@ class EmulatedArm(World):
 
     def load_arm(self) -> tuple[ArmConfig, Robot]:
         """Load configuration and model of the arm, with the encoder type in `encoders`."""
-        config, robot = super().load_arm()
-        encoders = self.bridge.values.encoders
-        return (config.with_encoders(encoders) if encoders else config), robot
+        return _load_arm(self.bridge.values)
 
     def make_transport(
         self, config: ArmConfig, robot: Robot, profile: FrameProfile
@@ -99,15 +102,13 @@ class EmulatedArm(World):
                 f'the parameter initial_position has {len(values.initial_position)} values: set '
                 f'one value for each of {", ".join(config.joint_names)}'
             )
-        seed = None if values.seed < 0 else values.seed
         drawn = robot
         config, robot = self._as_made(config, robot)
-        gears = values.backlash, values.backlash_wear, (values.stribeck, values.stribeck_velocity)
-        self._made = partial(plant_parameters, config, robot, seed, *gears)
+        self._made = partial(plant_parameters, config, robot, values)
         self.boards = transport = make_emulated_transport(
             config,
             robot,
-            seed,
+            None if values.seed < 0 else values.seed,
             position=values.initial_position or None,
             parameters=self._made(values.payload),
             profile=profile,
@@ -138,9 +139,7 @@ class EmulatedArm(World):
             own = SimpleNamespace(**vars(values))
             own.config = values.hardware_config or values.config
             own.urdf = values.hardware_urdf or values.urdf
-            config, robot = load_arm(own)
-            if values.encoders:
-                config = config.with_encoders(values.encoders)
+            config, robot = _load_arm(own)
         self._geometry = None
         if values.geometry_seed < 0:
             return config, robot
@@ -238,10 +237,10 @@ class EmulatedArm(World):
             'hand': lambda text: parse_turn(text, self.bridge.config.joint_names),
             'payload': self._made,
         }
-        for name in (name for name in checks if name in changes):
+        for name, check in checks.items():
             try:
-                if changes[name] or name == 'payload':
-                    checks[name](changes[name])
+                if name in changes and (changes[name] or name == 'payload'):
+                    check(changes[name])
             except ValueError as error:
                 return f'parameter {name}: {error}'
         return self._contact_problem(changes) if changes.keys() & set(CONTACT) else ''
