@@ -207,9 +207,21 @@ class ControllerNode(StateNode):
                 f"the arm is in mode '{self._mode}': run {to_switch_on(self._mode)}, or clear the "
                 'fault'
             )
-        problem = '' if self._payload is None else self._payload.problem
-        problem = problem or self._reaction_problem()
-        return ('' if self.loop.base is None else super().warning()) or problem
+        if self.loop.base is not None and (problem := super().warning()):
+            return problem
+        if self._payload is not None and self._payload.problem:
+            return self._payload.problem
+        reaction = self._reaction
+        if (
+            reaction is None
+            or reaction.reaction is Reaction.REPORT
+            or not reaction.is_silent(1e-9 * self.stamp_ns)
+        ):
+            return ''
+        return (
+            f"contact_reaction is '{reaction.reaction.value}', but no node publishes the topic "
+            'contact: start contact_estimator'
+        )
 
     def describe(self) -> dict[str, object]:
         """Return the values of this controller for /diagnostics."""
@@ -231,17 +243,6 @@ class ControllerNode(StateNode):
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values
-
-    def _reaction_problem(self) -> str:
-        reaction = self._reaction
-        if reaction is None or reaction.reaction is Reaction.REPORT:
-            return ''
-        if reaction.is_silent(1e-9 * self.stamp_ns):
-            return (
-                f"contact_reaction is '{reaction.reaction.value}', but no node publishes the topic "
-                'contact: start contact_estimator'
-            )
-        return ''
 
     def _log_begin(self, state: ArmState) -> None:
         """Log the posture at which control starts, once per activation of the loop."""

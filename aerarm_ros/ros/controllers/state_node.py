@@ -278,11 +278,10 @@ class StateNode:
             while not self._stopping and rclpy.ok():
                 if self._stream.wait(patience):
                     self._take()
-                silent_for, timeout = (
-                    time.monotonic() - self._state_arrival,
-                    self.values.state_timeout,
-                )
-                patience = self.silence(silent_for) if silent_for > timeout else timeout
+                silent_for = time.monotonic() - self._state_arrival
+                patience = self.values.state_timeout
+                if silent_for > patience:
+                    patience = self.silence(silent_for)
             if rclpy.ok():
                 self.leave()
         print_answer(f'{self.node.get_name()}: {self.diagnostics.account()}')
@@ -339,16 +338,12 @@ class StateNode:
     def _parameter_problem(self, changes: Mapping[str, Any]) -> str:
         for name, value in changes.items():
             try:
+                if name == PAYLOAD and not payload_problem(changes):
+                    self.arm.check_base(self.values, value)
                 self.check_parameter(name, value)
             except ValueError as error:
                 return f'parameter {name}: {error}'
-        problem = payload_problem(changes)
-        if not problem and PAYLOAD in changes:
-            try:
-                self.arm.check_base(self.values, changes[PAYLOAD])
-            except ValueError as error:
-                problem = f'parameter {PAYLOAD}: {error}'
-        return problem
+        return payload_problem(changes)
 
     def _on_parameter(self, name: str, value: Any) -> None:
         def change(_: float) -> None:

@@ -186,6 +186,11 @@ class TrajectoryController(ControllerNode):
         staying = self.follower.reference.q if self.values.allow_partial_joints_goal else None
         return read_trajectory(self.follower.limits, message, now, staying)
 
+    def check_parameter(self, name: str, value: Any) -> None:
+        """Raise ValueError unless a new gain has one value, or one per joint."""
+        if name in ('kp', 'kd'):
+            non_negative(name, scalar_or_array(value), self.arm.config.n)
+
     def on_parameter(self, name: str, value: Any) -> None:
         """Change the control gains or the reaction to contact."""
         if name == REACTION:
