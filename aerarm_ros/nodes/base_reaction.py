@@ -78,11 +78,11 @@ class BaseReactionNode(StateNode):
         """Create the publishers and subscriptions."""
         self._wrench = self.advertise(topics.BASE_WRENCH)
         self._static = self.advertise(topics.STATIC_WRENCH)
-        self._loads = LoadTopics(self.node, self.arm, self.values, self.answers.publish)
+        self._loads = LoadTopics(self)
         self.listen(topics.PLANNED_MOTION, self._loads.take_plan)
         self.listen(topics.ARM_MODE, self._on_mode)
-        self._contact = ContactTopic(self.node, self.arm, self.values, self.reject, self.act)
-        self._energy = EnergyTopic(self.node, self.arm, self.values)
+        self._contact = ContactTopic(self)
+        self._energy = EnergyTopic(self)
         states = self.node.resolve_topic_name(topics.JOINT_STATES.name)
         self._patience = SilencePatience(self.node, states)
 

@@ -96,13 +96,7 @@ class ControllerNode(StateNode):
         """Subscribe to the payload estimate, if payload compensation is enabled."""
         if self.values.hand_over == 0.0:
             return
-        self._payload = PayloadIntake(
-            self.arm,
-            self.values,
-            lambda: (1e-9 * self.stamp_ns, self.state),
-            lambda: self.loop.disturbance,
-            self.base.motion,
-        )
+        self._payload = PayloadIntake(self)
         self.listen(topics.PAYLOAD, self._payload.take)
         self.attend(self._payload)
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -218,13 +218,6 @@ REACTION_PARAMETERS = grouped(
 )  # fmt: skip
 
 
-class CarryingModel(Protocol):
-    """Interface of an arm model that can include a payload."""
-
-    def carry(self, payload: npt.ArrayLike) -> None:
-        """Set the payload at the last link, as the method `Dynamics.carry` does."""
-
-
 @dataclass(frozen=True)
 class ControlledArm:
     """Configuration, model, limits and drone of an arm; its methods create a controller's parts."""
@@ -233,7 +226,7 @@ class ControlledArm:
     robot: Robot
     limits: JointLimits
     drone: DroneConfig | None = None
-    _models: list[CarryingModel] = field(default_factory=list)
+    _models: list[Any] = field(default_factory=list)
 
     @classmethod
     def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
@@ -251,8 +244,8 @@ class ControlledArm:
         self.load(model, values)
         return model
 
-    def load(self, model: CarryingModel, values: SimpleNamespace) -> None:
-        """Set the payload of a model, and store the model for `carry`; raises ValueError."""
+    def load(self, model: Any, values: SimpleNamespace) -> None:
+        """Set the payload of a model by its method `carry`, and store it for later changes."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)
 
@@ -272,14 +265,9 @@ class ControlledArm:
             estimate = read_estimate(Path(values.friction_file), self.robot)
             known = KnownArm.identified(self.robot, estimate)
             return JointFriction(known, values.friction_width, values.friction_fraction)
-        viscous, coulomb = self.robot.viscous, self.robot.coulomb
-        return FrictionCompensation(
-            viscous,
-            coulomb,
-            values.friction_width,
-            values.friction_fraction,
-            load_share(values, self.robot),
-        )
+        width, fraction = values.friction_width, values.friction_fraction
+        robot, load = self.robot, load_share(values, self.robot)
+        return FrictionCompensation(robot.viscous, robot.coulomb, width, fraction, load)
 
     def observer(
         self,
@@ -387,13 +375,10 @@ class ControlledArm:
             values.goal_time or np.inf,
             values.stream_timeout,
         )
-        governor = self.governor(values)
-        if governor is None:
-            return TrajectoryFollower(self.limits, tolerances, values.interpolation)
-        chase = ReferenceChase(self.limits, governor.motion_limits)
-        return TrajectoryFollower(
-            self.limits, tolerances, values.interpolation, governor.govern, chase
-        )
+        limited: tuple[Any, ...] = ()
+        if (governor := self.governor(values)) is not None:
+            limited = governor.govern, ReferenceChase(self.limits, governor.motion_limits)
+        return TrajectoryFollower(self.limits, tolerances, values.interpolation, *limited)
 
     def governor(self, values: SimpleNamespace) -> RotorGovernor | None:
         """Return the governor that slows down motions which demand too much of the rotors.

@@ -5,14 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import AccelStamped, PointStamped
 from numpy.typing import NDArray
-from rclpy.node import Node
-from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -33,7 +29,8 @@ from aerarm_ros.flight.contact_estimator import (
 )
 from aerarm_ros.flight.flight_state import SET_BACK
 from aerarm_ros.motion.signals import ArmState, JointReference
-from aerarm_ros.ros.controllers.controller_parameters import ControlledArm, load_share
+from aerarm_ros.ros.controllers.controller_parameters import load_share
+from aerarm_ros.ros.controllers.state_node import StateNode
 from aerarm_ros.ros.messages import fill, inertia_message, seconds, wrench_message
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.states.flight_stream import RotorCommands, checked_odometry
@@ -72,22 +69,13 @@ class LoadTopics:
 
     Parameters
     ----------
-    node
-        Owner of the publishers.
-    values
-        Values of `LOAD_PARAMETERS`.
-    publish
-        Called with a publisher and the message to publish.
+    owner
+        Node with the parameters `LOAD_PARAMETERS`.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        arm: ControlledArm,
-        values: SimpleNamespace,
-        publish: Callable[[Publisher, Any], None],
-    ) -> None:
-        self._publish = publish
+    def __init__(self, owner: StateNode) -> None:
+        node, arm, values = owner.node, owner.arm, owner.values
+        self._publish = owner.answers.publish
         self._model = ArmLoadModel(arm.robot)
         arm.load(self._model.dynamics, values)
         self._names = arm.config.joint_names
@@ -211,27 +199,13 @@ class ContactTopic:
 
     Parameters
     ----------
-    node
-        Owner of publisher and subscriptions.
-    arm
-        The arm, and the drone that carries it.
-    values
-        Values of `CONTACT_PARAMETERS` and `ARM_PARAMETERS`.
-    reject
-        Called with the reason why an input is rejected.
-    act
-        Runs a function in the loop's thread, with the present time [s] as argument.
+    owner
+        Node with the parameters `CONTACT_PARAMETERS`.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        arm: ControlledArm,
-        values: SimpleNamespace,
-        reject: Callable[[str], None],
-        act: Callable[[Callable[[float], None]], None],
-    ) -> None:
-        self._reject, self._act = reject, act
+    def __init__(self, owner: StateNode) -> None:
+        node, arm, values = owner.node, owner.arm, owner.values
+        self._reject, self._act = owner.reject, owner.act
         node.create_service(Trigger, '~/zero_contact', self._on_zero)
         self._frame = arm.robot.base_link
         self._looked_ns = 0
@@ -246,7 +220,7 @@ class ContactTopic:
         self._estimator = ContactEstimator(drone, observer, rotors, values.imu_hold_time)
         self._names = drone.rotor_names
         self._odometry = RawReader(node, topics.ODOMETRY)
-        self._commands = RotorCommands(node, self._names, reject)
+        self._commands = RotorCommands(node, self._names, self._reject)
         self._publisher = topics.CONTACT_WRENCH.publisher(node)
 
     def add(self, stamp_ns: int, state: ArmState) -> None:
@@ -342,10 +316,8 @@ class EnergyTopic:
 
     Parameters
     ----------
-    node
-        Owner of the publisher.
-    values
-        Values of `ENERGY_PARAMETERS`.
+    owner
+        Node with the parameters `ENERGY_PARAMETERS`.
 
     Raises
     ------
@@ -353,7 +325,8 @@ class EnergyTopic:
         If a parameter cannot be used.
     """
 
-    def __init__(self, node: Node, arm: ControlledArm, values: SimpleNamespace) -> None:
+    def __init__(self, owner: StateNode) -> None:
+        arm, values = owner.arm, owner.values
         model = EnergyModel(
             arm.config, arm.robot, values.rotor_inertia or None, load_share(values, arm.robot)
         )
@@ -364,7 +337,7 @@ class EnergyTopic:
             for joint in arm.config.joints
         }
         self._due = -np.inf
-        self._publisher, joints = topics.ENERGY.publisher(node), arm.config.joint_names
+        self._publisher, joints = topics.ENERGY.publisher(owner.node), arm.config.joint_names
         rows, columns, n = 'cause: ' + ' '.join(ROWS), 'joint: ' + ' '.join(joints), len(joints)
         self._layout = MultiArrayLayout(
             dim=[
