@@ -11,7 +11,7 @@ import pinocchio as pin
 from aerarm_ros.control.base.base_motion import BaseMotion, ImuSample, Mount
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator, FreeBaseMotion
-from aerarm_ros.control.base.moving_base_dynamics import BaseReaction, MovingBaseDynamics
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
 from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
@@ -87,7 +87,6 @@ def laws() -> dict[str, Callable[[], Any]]:
     joint_motion = JointMotionControl(resolution, 8.0)
     joint_motion.take_over(Q)
     cartesian_motion = CartesianMotionControl(resolution, 8.0)
-    reaction = BaseReaction(robot)
     level = np.array([0.0, 0.0, 0.0, 1.0])
     imu = BaseMotionEstimator([0.0, 0.0, -9.81])
     imu.offer(ImuSample(0.0, level, DQ[:3], np.array([0.0, 0.0, 9.81])), 0.0)
@@ -103,7 +102,7 @@ def laws() -> dict[str, Callable[[], Any]]:
         'kinematic, joint (2.5.2)': lambda: joint_motion.update(state, task, CYCLE),
         'kinematic, Cartesian (2.5.3)': lambda: cartesian_motion.update(state, task, CYCLE),
         'base motion from the IMU': lambda: imu.motion(0.003),
-        'base reaction': lambda: reaction.evaluate(Q, DQ, DDQ, base),
+        'base reaction': lambda: dynamics.reaction(Q, DQ, DDQ, base),
     }
 
 

@@ -148,6 +148,20 @@ class JointLimits:
                 f'{self.position_min[joint]:.4g} .. {self.position_max[joint]:.4g}'
             )
 
+    def check(self, what: str, q: Array, dq: Array | None, ddq: Array | None) -> None:
+        """Require that positions, and velocities and accelerations if given, lie inside the limits.
+
+        Raises
+        ------
+        RejectedInputError
+            If a value is outside or not a number; the message names the joint.
+        """
+        self.check_position(what, q)
+        if dq is not None:
+            self.check_velocity(what, dq)
+        if ddq is not None:
+            self.check_acceleration(what, ddq)
+
     def check_velocity(self, what: str, dq: Array) -> None:
         """Require that velocities, (n,) or (M, n) [rad/s], lie inside the joint limits.
 

@@ -17,11 +17,11 @@ from std_msgs.msg import String
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.base_motion_estimator import AccelerationEstimate
 from aerarm_ros.control.base.free_base_estimator import FREE
-from aerarm_ros.control.base.moving_base_dynamics import BaseReaction
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.motion.signals import ArmState, JointReference
-from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, wrench_message
+from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
 from aerarm_ros.ros.controllers.reaction_topics import (
     BANDWIDTH,
     CONTACT_PARAMETERS,
@@ -32,6 +32,7 @@ from aerarm_ros.ros.controllers.reaction_topics import (
 )
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.graph import SilencePatience
+from aerarm_ros.ros.messages import wrench_message
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.state_stream import base_header
@@ -64,8 +65,8 @@ class BaseReactionNode(StateNode):
             # If the wrench contained the effect of the drone's acceleration, feed-forward to the
             # rotors would close a feedback loop.
             self.base = self.arm.hovering_base(self.values)
-        self._reaction = BaseReaction(self.arm.robot)
-        self.arm.load(self._reaction.dynamics, self.values)
+        self._dynamics = MovingBaseDynamics(self.arm.robot)
+        self.arm.load(self._dynamics, self.values)
         self._acceleration = AccelerationEstimate(self.arm.config.n, self.values.cutoff)
         # A little less than a period, because joint states arrive with jitter.
         self._period = 1.0 / self.values.rate - 0.5e-3
@@ -76,11 +77,11 @@ class BaseReactionNode(StateNode):
         """Create the publishers and subscriptions."""
         self._wrench = self.advertise(topics.BASE_WRENCH)
         self._static = self.advertise(topics.STATIC_WRENCH)
-        self._loads = LoadTopics(self.node, self.arm, self.values, self.answers.publish)
+        self._loads = LoadTopics(self)
         self.listen(topics.PLANNED_MOTION, self._loads.take_plan)
         self.listen(topics.ARM_MODE, self._on_mode)
-        self._contact = ContactTopic(self.node, self.arm, self.values, self.reject, self.act)
-        self._energy = EnergyTopic(self.node, self.arm, self.values)
+        self._contact = ContactTopic(self)
+        self._energy = EnergyTopic(self)
         states = self.node.resolve_topic_name(topics.JOINT_STATES.name)
         self._patience = SilencePatience(self.node, states)
 
@@ -104,10 +105,11 @@ class BaseReactionNode(StateNode):
         if now < self._due:
             return
         self._due = now + self._period
-        result = self._reaction.evaluate(state.q, state.dq, ddq, self.base.motion(now))
+        motion = self.base.motion(now)
+        wrench, static = self._dynamics.reaction(state.q, state.dq, ddq, motion)
         header = base_header(stamp_ns, self.arm.robot.base_link)
-        self.answers.publish(self._wrench, wrench_message(header, result.wrench))
-        self.answers.publish(self._static, wrench_message(header, result.static))
+        self.answers.publish(self._wrench, wrench_message(header, wrench))
+        self.answers.publish(self._static, wrench_message(header, static))
         self.count_answer()
 
     def silence(self, silent_for: float) -> float:

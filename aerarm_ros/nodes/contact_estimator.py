@@ -30,12 +30,9 @@ from aerarm_ros.ros.controllers.contact_parameters import (
     contact_settings,
     read_residuals,
 )
-from aerarm_ros.ros.controllers.controller_parameters import (
-    ENERGY_PARAMETERS,
-    load_share,
-    wrench_message,
-)
+from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, load_share
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
+from aerarm_ros.ros.messages import wrench_message
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.state_stream import base_header
 

@@ -22,11 +22,7 @@ from aerarm_ros.control.base.base_motion_estimator import NONE
 from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_estimator import FRICTION_NAMES, OnlineEstimate, PayloadEstimator
-from aerarm_ros.ros.controllers.controller_parameters import (
-    ENERGY_PARAMETERS,
-    inertia_message,
-    load_share,
-)
+from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, load_share
 from aerarm_ros.ros.controllers.friction_log import (
     ESTIMATOR_PARAMETERS,
     FRICTION_LOG_PARAMETERS,
@@ -35,6 +31,7 @@ from aerarm_ros.ros.controllers.friction_log import (
 )
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.messages import inertia_message
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.state_stream import base_header
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -16,9 +18,37 @@ TOOL_FORCE_PHASE, TOOL_FORCE = 'tool force', 'tool force [N]'
 """Diagnostics keys of `world_control` for the phase and the estimated force of a contact."""
 
 
+_REMEMBERED = 5.0  # [s] for which diagnostics show a rejection as a warning
+
+
 def rejection(reason: str) -> str:
     """Return the text about a rejected input, for log and diagnostics."""
     return reason if ' rejected' in reason else f'rejected: {reason}'
+
+
+class Rejections:
+    """Log rejected inputs of a node, and keep the newest for its diagnostics.
+
+    Attributes
+    ----------
+    count
+        Number of rejected inputs.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.count, self._newest, self._at = 0, '', -inf
+        self._logger = node.get_logger()
+
+    def add(self, reason: str) -> None:
+        """Count and log a rejected input."""
+        self.count += 1
+        self._newest, self._at = rejection(reason), time.monotonic()
+        self._logger.warning(self._newest, throttle_duration_sec=1.0)
+
+    @property
+    def recent(self) -> str:
+        """Text about the newest rejection for 5 s, then an empty string."""
+        return self._newest if time.monotonic() - self._at < _REMEMBERED else ''
 
 
 class DiagnosticsPublisher:

@@ -257,7 +257,7 @@ def fly(
             thrust = plant.control()
             commands.append((now + LINK_DELAY, thrust))
             if flight.commands and isinstance(base, FreeBaseEstimator):
-                base.offer_rotors(drone.rotor_names, thrust, now, now)
+                base.rotors.offer(drone.rotor_names, thrust, now, now)
         while samples and samples[0][0] <= now + 1e-9:
             base.offer(samples.pop(0)[1], now)
         while commands and commands[0][0] <= now + 1e-9:

@@ -263,7 +263,7 @@ class HoldingFlight:
         thrust = self.pilot.update(state, self.place, 1.0 / IMU_RATE, fed)
         self._commands.append((self._cycle + LINK_DELAY, thrust))
         if isinstance(self.base, FreeBaseEstimator):
-            self.base.offer_rotors(self.drone.rotor_names, thrust, now, now)
+            self.base.rotors.offer(self.drone.rotor_names, thrust, now, now)
 
     def _note(self) -> None:
         target, tool = self.target, self.tool()

@@ -49,14 +49,7 @@ def quaternion_product(a: Array, b: Array) -> Array:
 
 def rotation_matrix(quaternion: Array) -> Array:
     """Return the rotation matrix (3, 3) of a unit quaternion (x, y, z, w)."""
-    x, y, z, w = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return np.array(pin.Quaternion(np.asarray(quaternion, dtype=float)).matrix())
 
 
 def quaternion(rotation: Array) -> Array:

@@ -148,13 +148,6 @@ class BaseMotionEstimator:
     watch : OscillationWatch, optional
         Detector of oscillations in mode 'full'.
 
-    Attributes
-    ----------
-    rejections : int
-        Number of rejected samples.
-    last_rejection : str
-        Reason of the last rejection.
-
     Raises
     ------
     ValueError
@@ -193,8 +186,6 @@ class BaseMotionEstimator:
         self._unwatched: ImuSample | None = None
         self._calm: BaseMotionPrediction | None = None  # from the attitude alone, if needed
         self._calm_weight = 0.0
-        self.rejections = 0
-        self.last_rejection = ''
 
     @property
     def uses_imu(self) -> bool:
@@ -231,11 +222,6 @@ class BaseMotionEstimator:
             self._watch.add_sample(self._unwatched)
             self._unwatched = None
 
-    def reject(self, reason: str) -> None:
-        """Count an IMU message that could not be read."""
-        self.rejections += 1
-        self.last_rejection = reason
-
     def offer(self, sample: ImuSample, now: float) -> None:
         """Process an IMU sample received at `now` [s].
 
@@ -248,11 +234,15 @@ class BaseMotionEstimator:
         if self.mode == NONE:
             return
         if self.mode == ATTITUDE and sample.attitude is None:
-            self._refuse("IMU: samples have no attitude, which mode 'attitude' needs; use 'full'")
+            raise RejectedInputError(
+                "IMU: samples have no attitude, which mode 'attitude' needs; use 'full'"
+            )
         step = sample.stamp - self._stamp
         # A stamp far in the past means that the clock was set back, so start again.
         if -1.0 < step <= 0.0:
-            self._refuse('IMU: a sample is not newer than the previous one; run only one publisher')
+            raise RejectedInputError(
+                'IMU: a sample is not newer than the previous one; run only one publisher'
+            )
         continues = 0.0 < step < self._hold_time
         self._prediction = self._predict(sample, step if continues else None)
         self._stamp, self._received = sample.stamp, now
@@ -286,21 +276,16 @@ class BaseMotionEstimator:
             predicted = _between(predicted, self._calm.after(lead), self._calm_weight)
         return _between(self.configured, predicted, self._weight)
 
-    def _refuse(self, reason: str) -> None:
-        self.reject(reason)
-        raise RejectedInputError(reason)
-
     def _predict(self, sample: ImuSample, step: float | None) -> BaseMotionPrediction:
         """Return the prediction from an IMU sample that is `step` [s] newer than the last."""
+        if self.mode == ATTITUDE:
+            return self._predict_calm(sample)
         rotation, rest = self._mount.rotation_imu_to_base, np.zeros(3)
         rate = rotation @ sample.angular_velocity
         force = rotation @ sample.specific_force
-        if sample.attitude is None:
-            gravity = -force  # the best guess without attitude: the specific force is all gravity
-        else:
+        gravity = -force  # the best guess without attitude: the specific force is all gravity
+        if sample.attitude is not None:
             gravity = self._mount.gravity_in_base(sample.attitude)
-        if self.mode == ATTITUDE:
-            return self._predict_calm(sample)
         if self.mode == HOVER:
             thrust = self.configured.specific_force
             return BaseMotionPrediction(BaseMotion(gravity, thrust, rate, np.zeros(3)), rate, rest)

@@ -1,7 +1,5 @@
 """Inverse dynamics of an arm on a base that moves, or that responds to the arm's forces."""
 
-from typing import NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
@@ -163,6 +161,32 @@ class MovingBaseDynamics:
         """
         return self._recursion(q, dq, ddq, base)[:6]
 
+    def reaction(
+        self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None
+    ) -> tuple[Array, Array]:
+        """Return the arm's wrench on the drone during a motion, and its part due to gravity.
+
+        The model assumes that only gravity and the drone act on the arm, so their wrench follows
+        from the arm's motion. Contact of the arm with other bodies is not included. Without
+        `rotor_inertia`, the motors' rotors are assumed to rotate with their links: the moment
+        `J_m ddq / k_g` that accelerates a rotor, some 10 mNm, is neglected.
+
+        Parameters
+        ----------
+        q, dq, ddq, base
+            As for `inverse`.
+
+        Returns
+        -------
+        wrench, static : (6,) ndarray
+            Force [N] and moment [Nm] about the base's origin, in base axes. `static` is the wrench
+            of gravity with all bodies at rest.
+        """
+        mass, com, _ = self.composite_inertia(q)
+        weight = mass * (self.still if base is None else base).gravity
+        static = np.concatenate([weight, np.cross(com, weight)])
+        return -self.mount_wrench(q, dq, ddq, base), static
+
     def composite_inertia(self, q: Array) -> tuple[float, Array, Array]:
         """Return mass, centre of mass and inertia as `WholeBodyDynamics.composite_inertia` does."""
         return self._arm.composite_inertia(q)
@@ -180,60 +204,3 @@ class MovingBaseDynamics:
         felt[:3] = motion.specific_force
         felt[3:] = motion.angular_acceleration
         return self._arm.forces(q, dq, ddq, motion.angular_velocity, felt)
-
-
-class BaseReaction:
-    """Model of the wrench that the arm exerts on the drone, and of the arm's mass properties.
-
-    The model assumes that only gravity and the drone act on the arm, so their wrench follows from
-    the arm's motion. Contact of the arm with other bodies is not included. The motors' rotors are
-    assumed to rotate with their links: the moment `J_m ddq / k_g` that accelerates a rotor, some 10
-    mNm, is neglected.
-
-    Parameters
-    ----------
-    robot : Robot
-        All bodies that the arm adds to the drone, including a base link with inertia.
-
-    Attributes
-    ----------
-    dynamics : MovingBaseDynamics
-        The model, whose payload the caller sets.
-    """
-
-    class ArmReaction(NamedTuple):
-        """Wrench of the arm on the drone, and mass properties of the arm, in base axes.
-
-        `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone. Its part `static` is due
-        to gravity with all bodies at rest; `dynamic` is the remainder. `mass` [kg], `com` (3,) [m]
-        and `inertia` (3, 3) about the centre of mass [kg m^2] describe the arm.
-        """
-
-        wrench: Array
-        static: Array
-        dynamic: Array
-        mass: float
-        com: Array
-        inertia: Array
-
-    def __init__(self, robot: Robot) -> None:
-        self.dynamics = MovingBaseDynamics(robot)
-
-    def evaluate(
-        self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None
-    ) -> 'BaseReaction.ArmReaction':
-        """Return the arm's wrench on the drone and its mass properties during a motion.
-
-        Parameters
-        ----------
-        q, dq, ddq : (n,) ndarray
-            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
-        base : BaseMotion, optional
-            Default: still under the robot's own gravity.
-        """
-        wrench = -self.dynamics.mount_wrench(q, dq, ddq, base)
-        mass, com, inertia = self.dynamics.composite_inertia(q)
-        gravity = (self.dynamics.still if base is None else base).gravity
-        weight = mass * gravity
-        static = np.concatenate([weight, np.cross(com, weight)])
-        return self.ArmReaction(wrench, static, wrench - static, mass, com, inertia)

@@ -63,11 +63,7 @@ class JointTrajectory:
             raise RejectedInputError(
                 'trajectory: the points have accelerations without velocities; set both or neither'
             )
-        limits.check_position('trajectory', self.q)
-        if self.dq is not None:
-            limits.check_velocity('trajectory', self.dq)
-        if self.ddq is not None:
-            limits.check_acceleration('trajectory', self.ddq)
+        limits.check('trajectory', q, self.dq, self.ddq)
         self._limits = limits
 
     @property
@@ -151,11 +147,8 @@ class JointTrajectory:
             near |= (np.abs(values) > (1.0 - _NEAR) * largest).any()
         if near:
             parts.append(path.extremes())
-        what = 'trajectory between its points'
-        for q, dq, ddq in parts:
-            limits.check_position(what, q)
-            limits.check_velocity(what, dq)
-            limits.check_acceleration(what, ddq)
+        for part in parts:
+            limits.check('trajectory between its points', *part)
 
     def _check_end(self) -> None:
         if self.dq is None:

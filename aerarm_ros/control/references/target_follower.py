@@ -33,6 +33,11 @@ class TargetFollower:
     reach : float
         Largest distance [m] of a target from the base.
 
+    Attributes
+    ----------
+    place, velocity : (3,) ndarray
+        Present position [m] and velocity [m/s] of the tool's reference, in the base frame.
+
     Raises
     ------
     ValueError
@@ -63,22 +68,12 @@ class TargetFollower:
 
         The reference then moves to `target` (3,) [m]; without a target it stays.
         """
-        self._p = p
-        self._v = np.zeros(3) if velocity is None else velocity
+        self.place = p
+        self.velocity = np.zeros(3) if velocity is None else velocity
         self._target = p if target is None else target
         self._target_velocity = np.zeros(3)
         self._target_time: float | None = None
         self._moving_until = -np.inf
-
-    @property
-    def place(self) -> Array:
-        """Present position (3,) [m] of the tool's reference, in the base frame."""
-        return self._p
-
-    @property
-    def velocity(self) -> Array:
-        """Present velocity (3,) [m/s] of the tool's reference, in the base frame."""
-        return self._v
 
     def set_target(self, p: npt.ArrayLike, now: float) -> None:
         """Set the target position `p` (3,) [m] in the base frame, valid at `now` [s].
@@ -116,15 +111,15 @@ class TargetFollower:
             target_velocity = np.zeros(3)
         else:
             target = target + max(0.0, now - self._target_time) * target_velocity
-        error = target - self._p
+        error = target - self.place
         w = self._frequency
         # Largest speed from which the tool can still stop at the target.
         speed = min(
             self._velocity_max, sqrt(self._acceleration_max * (sqrt(error @ error) + 1e-12))
         )
         approach = limited(0.5 * w * error, speed)
-        wanted = 2.0 * w * (approach + target_velocity - self._v)
+        wanted = 2.0 * w * (approach + target_velocity - self.velocity)
         acceleration = limited(wanted, self._acceleration_max)
-        self._p = self._p + dt * (self._v + (0.5 * dt) * acceleration)
-        self._v = self._v + dt * acceleration
-        return TaskReference(self._p, self._v, acceleration)
+        self.place = self.place + dt * (self.velocity + (0.5 * dt) * acceleration)
+        self.velocity = self.velocity + dt * acceleration
+        return TaskReference(self.place, self.velocity, acceleration)

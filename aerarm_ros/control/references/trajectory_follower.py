@@ -114,6 +114,12 @@ class TrajectoryFollower:
 
     Attributes
     ----------
+    limits : JointLimits
+        Limits that every reference of the follower respects.
+    tolerances : FollowerTolerances
+        Default tolerances, for motions that specify none.
+    elapsed : float
+        Time [s] from the start of the present motion to the last update.
     status : str
         'holding', 'moving' or 'streaming'.
     outcome : str
@@ -138,8 +144,8 @@ class TrajectoryFollower:
         if interpolation not in ('cubic', 'quintic'):
             raise ValueError(f"interpolation = {interpolation!r} must be 'cubic' or 'quintic'")
         self.interpolation = interpolation
-        self._limits = limits
-        self._tolerances = tolerances
+        self.limits = limits
+        self.tolerances = tolerances
         self.outcome = 'no motion yet'
         self.end = MotionEnd.STOPPED
         self.status = 'holding'
@@ -147,21 +153,6 @@ class TrajectoryFollower:
         self._until = np.inf  # time at which the reference reaches the goal [s]
         self._silent_stream = ''  # outcome of a stream that ends by silence
         self.take_over(np.zeros(limits.n))
-
-    @property
-    def limits(self) -> JointLimits:
-        """Joint limits that every reference of the follower respects."""
-        return self._limits
-
-    @property
-    def tolerances(self) -> FollowerTolerances:
-        """Default tolerances, for motions that specify none."""
-        return self._tolerances
-
-    @property
-    def elapsed(self) -> float:
-        """Time [s] from the start of the present motion to the last update."""
-        return self._elapsed
 
     def take_over(self, q: npt.ArrayLike) -> None:
         """Hold the present joint positions `q` (n,) [rad] from now on."""
@@ -205,7 +196,7 @@ class TrajectoryFollower:
         else:
             motion, zero = self._goal(trajectory, now, begin)
             self._replace(self._govern(motion), now, zero, 'moving')
-        self._used = tolerances or self._tolerances
+        self._used = tolerances or self.tolerances
 
     def check_goal(
         self, trajectory: JointTrajectory, now: float, start: float | None = None
@@ -226,11 +217,11 @@ class TrajectoryFollower:
         RejectedInputError
             If the set point is outside the limits.
         """
-        self._limits.check_position('set point', q)
-        path = rest_to_rest_path(self.reference.q, q, self._limits)
+        self.limits.check_position('set point', q)
+        path = rest_to_rest_path(self.reference.q, q, self.limits)
         if self.moves:
             stop = self._stop(now)
-            path = joined(stop, rest_to_rest_path(stop.evaluate(stop.duration).q, q, self._limits))
+            path = joined(stop, rest_to_rest_path(stop.evaluate(stop.duration).q, q, self.limits))
         self._replace(self._govern(path), now, now, 'moving')
 
     def stop(self, now: float, reason: str, q: Array | None = None) -> None:
@@ -238,7 +229,7 @@ class TrajectoryFollower:
         if q is None:
             motion: FollowedMotion = self._stop(now)
         else:
-            q = np.clip(q, self._limits.position_min, self._limits.position_max)
+            q = np.clip(q, self.limits.position_min, self.limits.position_max)
             motion = self._transition(Posture(JointReference.at_rest(q)), now, now)
         self._replace(motion, now, now, 'holding')
         self.outcome, self.end = reason, MotionEnd.STOPPED
@@ -252,7 +243,7 @@ class TrajectoryFollower:
         self.reference = self._evaluate(now)
         if self._chase is not None:
             self.reference = self._chase.update(self.reference, dt, self.status == 'streaming')
-        self._elapsed = now - self._zero
+        self.elapsed = now - self._zero
         if self.status != 'holding':
             self._watch(q, now)
         return self.reference
@@ -276,7 +267,7 @@ class TrajectoryFollower:
     def _after(self, now: float) -> Callable[[float], JointReference]:
         """Return the planned reference as a function of the time [s] after `now`."""
         if self._lags:
-            return brake(self.reference, self._limits.acceleration_max).evaluate
+            return brake(self.reference, self.limits.acceleration_max).evaluate
         motion, start = self._under_way
         return lambda time: motion.evaluate(now - start + time)
 
@@ -287,7 +278,7 @@ class TrajectoryFollower:
 
     def _stop(self, now: float, share: float = 1.0) -> PolynomialPath:
         """Return the path that stops the present motion within `share` of the limits."""
-        acceleration_max = share * self._limits.acceleration_max
+        acceleration_max = share * self.limits.acceleration_max
         if self._lags:
             return brake(self.reference, acceleration_max)
         if self.status == 'streaming':
@@ -298,29 +289,25 @@ class TrajectoryFollower:
     def _transition(self, motion: PolynomialPath | Posture, now: float, begin: float) -> Transition:
         """Return the transition from the present motion to `motion`, which starts at `begin`."""
         return find_transition(
-            self._after(now),
-            lambda share: self._stop(now, share),
-            motion,
-            begin - now,
-            self._limits,
+            self._after(now), lambda share: self._stop(now, share), motion, begin - now, self.limits
         )
 
     def _stream(self, trajectory: JointTrajectory, now: float, age: float) -> None:
         """Follow a streamed point that was valid `age` [s] ago."""
-        zero = np.zeros(self._limits.n)
+        zero = np.zeros(self.limits.n)
         rows = (trajectory.q, trajectory.dq, trajectory.ddq)
         q, dq, ddq = (zero if row is None else row[0] for row in rows)
         point = JointReference(q + age * (dq + 0.5 * age * ddq), dq + age * ddq, ddq)
-        timeout = self._tolerances.stream_timeout - max(0.0, age)
+        timeout = self.tolerances.stream_timeout - max(0.0, age)
         if timeout <= 0.0:
             raise RejectedInputError(
                 f'streamed point: the point is {age:.3g} s old (stream_timeout: '
-                f'{self._tolerances.stream_timeout:g}); synchronise the clocks, or set the stamp '
+                f'{self.tolerances.stream_timeout:g}); synchronise the clocks, or set the stamp '
                 'to zero ("now")'
             )
         present = self._evaluate(now)
         self._check_start(point.q, present.q)
-        motion = StreamedPoint.longest(point, present, timeout, self._limits)
+        motion = StreamedPoint.longest(point, present, timeout, self.limits)
         self._silent_stream = 'stopped: no streamed point arrived in time'
         if motion.duration < timeout:
             self._silent_stream = (
@@ -339,7 +326,7 @@ class TrajectoryFollower:
         if self.interpolation == 'quintic' and begin <= now and left > 0.0:
             q, dq, ddq = self._after(now)(0.0)
             # One polynomial from a fast motion to a distant point would overshoot.
-            stopping = float((np.abs(dq) / self._limits.acceleration_max).max())
+            stopping = float((np.abs(dq) / self.limits.acceleration_max).max())
             try:
                 if not self.moves or left <= _JOINED * stopping:
                     return trajectory.path(q, 'quintic', now - begin, dq, ddq), begin
@@ -357,13 +344,13 @@ class TrajectoryFollower:
 
     def _check_start(self, q: Array, present: Array) -> None:
         distance = np.abs(q - present)
-        far = distance > self._tolerances.start
+        far = distance > self.tolerances.start
         if np.any(far):
             joint = int(np.argmax(far))
             raise RejectedInputError(
                 f'trajectory: the first point is {distance[joint]:.3g} rad away from '
-                f'{self._limits.names[joint]} at {present[joint]:.4g} rad (allowed '
-                f'{self._tolerances.start[joint]:.3g}); start at the present position, or give '
+                f'{self.limits.names[joint]} at {present[joint]:.4g} rad (allowed '
+                f'{self.tolerances.start[joint]:.3g}); start at the present position, or give '
                 'the first point time to move there'
             )
 
@@ -377,10 +364,10 @@ class TrajectoryFollower:
         self._under_way = motion, start
         self._zero = zero
         self._until = start + motion.duration
-        self._elapsed = 0.0
+        self.elapsed = 0.0
         self.status = status
         self.motion += 1
-        self._used = self._tolerances
+        self._used = self.tolerances
 
     def _watch(self, q: Array, now: float) -> None:
         """End the motion at its goal, if streamed points stop, or if the arm leaves its path."""
@@ -388,7 +375,7 @@ class TrajectoryFollower:
         if (error > used.path).any():
             joint = int(np.argmax(error / used.path))
             # Hold at the measured posture, so that the arm does not push against an obstacle.
-            reason = f'stopped: {self._limits.names[joint]} is {error[joint]:.3g} rad off path'
+            reason = f'stopped: {self.limits.names[joint]} is {error[joint]:.3g} rad off path'
             self.stop(now, reason, q)
             self.end = MotionEnd.OFF_PATH
         elif now < self._until:
@@ -402,4 +389,4 @@ class TrajectoryFollower:
         elif now > self._until + used.goal_time:
             joint = int(np.argmax(error / used.goal))
             self.status, self.end = 'holding', MotionEnd.OFF_GOAL
-            self.outcome = f'goal missed: {self._limits.names[joint]} is {error[joint]:.3g} rad off'
+            self.outcome = f'goal missed: {self.limits.names[joint]} is {error[joint]:.3g} rad off'

@@ -256,16 +256,13 @@ def find_transition(
     deviation = JointReference(*(a - b for a, b in zip(old, new, strict=True)))
     duration = blend_duration(deviation, limits)
     if np.all(np.abs(deviation.dq) <= _ALIKE * limits.velocity_max):
-        for multiple in _TRIED_MULTIPLES:
-            path, problem = _cross_fade(present, (), motion, delay, multiple * duration, limits)
-            if not problem:
-                return Transition(path, motion, delay)
-    gentle = stop(_STOP_SHARE)
-    for multiple in _TRIED_MULTIPLES:
-        fade = multiple * duration
-        path, problem = _cross_fade(gentle.evaluate, gentle.times, motion, delay, fade, limits)
+        path, problem = _cross_fade(present, (), motion, delay, duration, limits)
         if not problem:
             return Transition(path, motion, delay)
+    gentle = stop(_STOP_SHARE)
+    path, problem = _cross_fade(gentle.evaluate, gentle.times, motion, delay, duration, limits)
+    if not problem:
+        return Transition(path, motion, delay)
     return _stop_first(stop(1.0), motion, delay, limits)
 
 
@@ -281,24 +278,21 @@ def _stop_first(
         return Transition(path, motion, path.duration - skipped)
     deviation = JointReference(*(a - b for a, b in zip(rest, begin, strict=True)))
     duration = blend_duration(deviation, limits)
-    problem = ''
-    for multiple in _TRIED_MULTIPLES:
-        fade = multiple * duration
-        path, problem = _cross_fade(Posture(rest).evaluate, (), motion, -skipped, fade, limits)
-        if not problem:
-            return Transition(joined(stop, path), motion, stop.duration - skipped)
-    raise RejectedInputError(
-        f'trajectory: on the way from the present motion, {problem}; begin at rest, or more slowly'
-    )
+    path, problem = _cross_fade(Posture(rest).evaluate, (), motion, -skipped, duration, limits)
+    if problem:
+        raise RejectedInputError(
+            f'trajectory: on the way from the present motion, {problem}; begin at rest, or more '
+            'slowly'
+        )
+    return Transition(joined(stop, path), motion, stop.duration - skipped)
 
 
 def rest_to_rest_path(start: Array, end: Array, limits: JointLimits) -> PolynomialPath:
     """Return the fastest quintic between two postures (n,) [rad] within half of the limits."""
-    velocity, acceleration = (
-        _WAY_SHARE * limits.velocity_max,
-        _WAY_SHARE * limits.acceleration_max,
+    velocity, acceleration = limits.velocity_max, limits.acceleration_max
+    duration = rest_to_rest_duration(
+        end - start, _WAY_SHARE * velocity, _WAY_SHARE * acceleration, 0.1
     )
-    duration = rest_to_rest_duration(end - start, velocity, acceleration, 0.1)
     return PolynomialPath.rest_to_rest(start, end, duration)
 
 
@@ -319,8 +313,23 @@ def _cross_fade(
     """Return a cross-fade between two motions, and a text on the limit that it exceeds, or ''.
 
     The path passes through evenly spaced instants, and through `knots` [s] of the first motion.
+    Multiples of `duration` [s] are tried until one respects the limits.
     """
-    duration = max(_SHORTEST, duration)
+    for multiple in _TRIED_MULTIPLES:
+        path = _faded(source, knots, motion, delay, max(_SHORTEST, multiple * duration))
+        problem = _exceeded(path.sample(_BETWEEN), limits)
+        if not problem:
+            break
+    return path, problem
+
+
+def _faded(
+    source: Evaluate,
+    knots: Sequence[float],
+    motion: PolynomialPath | Posture,
+    delay: float,
+    duration: float,
+) -> PolynomialPath:
     even = np.linspace(0.0, duration, _INSTANTS + 1)
     within = [knot for knot in knots if 0.0 < knot < duration]
     times = np.unique(np.round(np.concatenate([even, within]), 6))
@@ -331,8 +340,7 @@ def _cross_fade(
     q = old.q + share * ahead
     dq = old.dq + share * faster + slope * ahead
     ddq = old.ddq + share * (new.ddq - old.ddq) + 2.0 * slope * faster + curvature * ahead
-    path = PolynomialPath.quintic(times, q, dq, ddq)
-    return path, _exceeded(path.sample(_BETWEEN), limits)
+    return PolynomialPath.quintic(times, q, dq, ddq)
 
 
 def _exceeded(samples: JointReference, limits: JointLimits) -> str:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from aerarm_ros.control.base.feedback_check import largest_delay
-from aerarm_ros.control.checks import non_negative
 from aerarm_ros.control.compensation import ErrorIntegral
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, ComputedTorque
@@ -84,13 +83,12 @@ class ComputedTorqueNode(TrajectoryController):
                 "with feedback 'boards' the arm cannot comply with contact forces: set "
                 "contact_reaction to 'stop' or 'retreat', or set feedback to 'host'"
             )
-        if name in ('kp', 'kd'):
-            if not is_host:
-                raise ValueError(
-                    "kp and kd have no effect with feedback 'boards': set the gains of the bridge "
-                    "instead, or set feedback to 'host'"
-                )
-            non_negative(name, scalar_or_array(value), self.arm.config.n)
+        if name in ('kp', 'kd') and not is_host:
+            raise ValueError(
+                "kp and kd have no effect with feedback 'boards': set the gains of the bridge "
+                "instead, or set feedback to 'host'"
+            )
+        super().check_parameter(name, value)
 
     def describe(self) -> dict[str, object]:
         """Return values for /diagnostics; with a drone also the largest stable command delay."""

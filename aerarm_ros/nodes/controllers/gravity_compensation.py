@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from aerarm_ros.control.checks import RejectedInputError, non_negative
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
@@ -89,11 +89,6 @@ class GravityCompensationNode(TrajectoryController):
             self.law.hand_guiding = value
         else:
             super().on_parameter(name, value)
-
-    def check_parameter(self, name: str, value: Any) -> None:
-        """Raise ValueError unless a new gain has one value, or one per joint."""
-        if name in ('kp', 'kd'):
-            non_negative(name, scalar_or_array(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
         """Return the state of the motion, for /diagnostics."""

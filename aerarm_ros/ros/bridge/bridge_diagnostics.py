@@ -5,16 +5,15 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from math import inf, isfinite
+from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
 from aerarm_ros.hardware.boards.board_link import resistance_by_boards
-from aerarm_ros.hardware.boards.kept_zeros import ZeroFile
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake, CommandPublishers
+from aerarm_ros.hardware.gate.command_intake import REJECTIONS, CommandIntake
 from aerarm_ros.realtime.periodic_loop import (
     WARN,
     PeriodicLoop,
@@ -22,13 +21,16 @@ from aerarm_ros.realtime.periodic_loop import (
     TimingStatistics,
     TimingSummary,
 )
-from aerarm_ros.ros.bridge.commissioning_topics import RecordWatch
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import create_steady_timer
-from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
+
+if TYPE_CHECKING:  # `hardware_bridge` imports this module
+    from aerarm_ros.ros.bridge.hardware_bridge import HardwareBridge
 
 # [s] A larger difference between the stamps and the system clock causes a warning.
 _BEHIND_MAX = 0.02
+# Names of statistics that differ from the fields of `TimingSummary`.
+_STATISTICS = {'p99.9': 'p999', 'max': 'maximum'}
 _LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
@@ -44,7 +46,7 @@ class BridgeTiming:
     """
 
     def __init__(self, loop: PeriodicLoop, stamps: SteadyClock) -> None:
-        self._loop, self._stamps = loop, stamps
+        self.loop, self._stamps = loop, stamps
         self._command_age = TimingStatistics()
         self._answered = 0
         self._summaries: dict[str, TimingSummary] = {}
@@ -54,25 +56,17 @@ class BridgeTiming:
         self._command_age.add(age_ns)
         self._answered += answers_last_state
 
-    def account(self) -> str:
-        """Return one line with the timing of all cycles, which is logged when the bridge ends."""
-        return self._loop.account()
-
     def refresh(self) -> Iterator[None]:
         """Compute the statistics for `status`, one per iteration of this generator (0.1 ms)."""
-        loop = self._loop
-        for name, statistics in (
-            ('period', loop.interval),
-            ('wake lateness', loop.lateness),
-            ('execution time', loop.execution),
-            ('command age', self._command_age),
-        ):
-            self._summaries[name] = statistics.summary()
+        loop, names = self.loop, ('period', 'wake lateness', 'execution time', 'command age')
+        statistics = loop.interval, loop.lateness, loop.execution, self._command_age
+        for name, one in zip(names, statistics, strict=True):
+            self._summaries[name] = one.summary()
             yield
 
     def status(self) -> tuple[bytes, str, dict[str, object]]:
         """Return level, message and values of the timing status from the last `refresh`."""
-        loop, summaries = self._loop, self._summaries
+        loop, summaries = self.loop, self._summaries
         level, text = loop.assess(summaries['period'], summaries['execution time'])
         behind = self._stamps.behind
         if abs(behind) > _BEHIND_MAX:
@@ -85,7 +79,9 @@ class BridgeTiming:
             'stamps behind the system clock [ms]': f'{1e3 * behind:.1f}',
         }
         for name, summary in summaries.items():
-            values.update(_rows(name, summary))
+            for key in ('mean', 'std', 'p50', 'p99', 'p99.9', 'max'):
+                seconds = getattr(summary, _STATISTICS.get(key, key))
+                values[f'{name} {key} [us]'] = f'{seconds * 1e6:.0f}'
         return _LEVELS[level], text, values
 
 
@@ -97,18 +93,6 @@ def _behind_text(behind: float) -> str:
         "stamps of the system clock. The next 'arm disable' corrects a difference above 500 ms; a "
         'smaller difference shrinks by 0.5 ms per second'
     )
-
-
-def _rows(name: str, summary: TimingSummary) -> dict[str, str]:
-    fields = {
-        'mean': summary.mean,
-        'std': summary.std,
-        'p50': summary.p50,
-        'p99': summary.p99,
-        'p99.9': summary.p999,
-        'max': summary.maximum,
-    }
-    return {f'{name} {key} [us]': f'{seconds * 1e6:.0f}' for key, seconds in fields.items()}
 
 
 _END = object()
@@ -126,21 +110,6 @@ _POWER_SOURCES = {
 }
 
 
-@dataclass(frozen=True)
-class Watched:
-    """Parts of an active bridge whose values the diagnostics report."""
-
-    joint_names: Sequence[str]
-    cycle: BridgeCycle
-    timing: BridgeTiming
-    publishers: CommandPublishers
-    watch: PublisherWatch
-    duplicates: DuplicatePublisherWatch
-    zero_file: ZeroFile
-    emulated: bool = False
-    record: RecordWatch | None = None
-
-
 class BridgeDiagnostics:
     """Publish the bridge's diagnostics: state of the arm, motors, and timing of the cycle.
 
@@ -155,16 +124,11 @@ class BridgeDiagnostics:
         second.
     now_ns
         Returns the time for stamps [ns].
-    others
-        Returns further statuses, for example of an emulated drone.
     """
 
-    def __init__(
-        self, node: Node, now_ns: Callable[[], int], others: Callable[[], Sequence[Status]] = tuple
-    ) -> None:
-        self._others = others
+    def __init__(self, node: Node, now_ns: Callable[[], int]) -> None:
         self._output = DiagnosticsPublisher(node, now_ns=now_ns)
-        self._watched: Watched | None = None
+        self._watched: HardwareBridge | None = None
         self._pieces: Iterator[None] | None = None
         self._due = -inf
         self._timer = create_steady_timer(node, PERIOD, self._publish_inactive)
@@ -173,11 +137,11 @@ class BridgeDiagnostics:
         """Set the name of the arm in all later diagnostics."""
         self._output.arm = name
 
-    def watch(self, watched: Watched) -> None:
+    def watch(self, bridge: HardwareBridge) -> None:
         """Publish the values of an active bridge, whose cycle must call `step` from now on."""
         self._timer.cancel()
         self._pieces = None
-        self._watched = watched
+        self._watched = bridge
         self.publish_soon()
 
     def unwatch(self) -> None:
@@ -203,15 +167,16 @@ class BridgeDiagnostics:
         if next(self._pieces, _END) is _END:
             self._pieces = None
 
-    def _make(self, watched: Watched) -> Iterator[None]:
-        yield from watched.timing.refresh()
-        timing = self._output.status('timing', *watched.timing.status())
+    def _make(self, bridge: HardwareBridge) -> Iterator[None]:
+        assert bridge.timing and bridge.cycle  # the bridge is active
+        yield from bridge.timing.refresh()
+        timing = self._output.status('timing', *bridge.timing.status())
         yield
-        motors = self._output.status(MOTORS, *_motors(watched))
+        motors = self._output.status(MOTORS, *_motors(bridge.cycle, bridge.config.joint_names))
         yield
-        arm = self._output.status('arm', *_arm(watched))
+        arm = self._output.status('arm', *_arm(bridge, bridge.cycle))
         yield
-        others = [self._output.status(*status) for status in self._others()]
+        others = [self._output.status(*status) for status in bridge.world.statuses()]
         self._output.publish([arm, motors, timing, *others])
 
     def _publish_inactive(self) -> None:
@@ -219,27 +184,22 @@ class BridgeDiagnostics:
         self._output.publish([status])
 
 
-def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
-    cycle, publishers = watched.cycle, watched.publishers
-    files = watched.zero_file.problem, watched.record.problem if watched.record else ''
-    warnings = filter(None, [watched.duplicates.problem, publishers.warning, *files])
-    texts = [*cycle.faults, *warnings, *watched.watch.problems]
+def _arm(bridge: HardwareBridge, cycle: BridgeCycle) -> tuple[bytes, str, dict[str, object]]:
+    publishers, unknown = bridge.command_publishers, ', '.join(cycle.zeros.unknown)
+    warnings = [bridge.duplicates.problem, publishers.warning]
+    warnings += [bridge.zero_file.problem, bridge.record.problem]
+    texts = [*cycle.faults, *filter(None, warnings), *bridge.publisher_watch.problems]
     level = DiagnosticStatus.WARN if texts else DiagnosticStatus.OK
     if cycle.mode in ('fault', 'disconnected'):
         level = DiagnosticStatus.ERROR
     values = {
         'mode': cycle.mode,
-        'zeros': _zeros(cycle),
-        'recovery hint': cycle.recovery_hint(watched.emulated),
+        'zeros': f'unknown: {unknown}' if unknown else 'known',
+        'recovery hint': cycle.recovery_hint(bridge.world.emulated),
         'publishers of joint_command': ', '.join(publishers.names) or 'none',
         **cycle.counters,
     }
     return level, '; '.join(texts) or cycle.mode, values
-
-
-def _zeros(cycle: BridgeCycle) -> str:
-    unknown = cycle.zeros.unknown
-    return f'unknown: {", ".join(unknown)}' if unknown else 'known'
 
 
 def resistance_key(joint: str) -> str:
@@ -247,36 +207,32 @@ def resistance_key(joint: str) -> str:
     return f'{joint} resistance [ohm]'
 
 
-def _heat(watched: Watched) -> dict[str, object]:
+def _heat(cycle: BridgeCycle, names: Sequence[str]) -> dict[str, object]:
     """Return the diagnostics of temperatures, thermal torque limits and supply voltages."""
     values: dict[str, object] = {}
-    heat = watched.cycle.heat
-    for name, limit in zip(watched.joint_names, heat.limits, strict=True):
+    for name, limit in zip(names, cycle.heat.limits, strict=True):
         values[f'{name} winding [degC]'] = f'{limit.motor.winding:.1f}'
         values[f'{name} housing [degC]'] = f'{limit.motor.housing:.1f}'
         values[f'{name} torque limit [Nm]'] = f'{limit.effort_limit:.2f}'
         is_finite = isfinite(limit.remaining)
         values[f'{name} time to reduction [s]'] = f'{limit.remaining:.0f}' if is_finite else 'never'
-    for link, supply in zip(watched.cycle.links, heat.supplies, strict=False):
+    for link, supply in zip(cycle.links, cycle.heat.supplies, strict=False):
         values[f'{link.monitor.name} supply [V]'] = f'{supply.voltage:.2f}'
     return values
 
 
-def _motors(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
-    power = watched.cycle.power
+def _motors(cycle: BridgeCycle, names: Sequence[str]) -> tuple[bytes, str, dict[str, object]]:
+    power, heat = cycle.power, cycle.heat
     values: dict[str, object] = {POWER_FROM: power.source}
-    for name, watts, joules in zip(
-        watched.joint_names, power.watts.tolist(), power.energy.tolist(), strict=True
-    ):
+    reported = resistance_by_boards(cycle.links, len(names)).tolist()
+    for name, watts, joules in zip(names, power.watts.tolist(), power.energy.tolist(), strict=True):
         values[f'{name} power [W]'] = f'{watts:.2f}'
         values[f'{name} energy [J]'] = f'{joules:.1f}'
     values['energy [J]'] = f'{power.energy.sum():.1f}'
-    reported = resistance_by_boards(watched.cycle.links, len(watched.joint_names)).tolist()
-    for name, ohm in zip(watched.joint_names, reported, strict=True):
+    for name, ohm in zip(names, reported, strict=True):
         if isfinite(ohm):
             values[resistance_key(name)] = f'{ohm:.5f}'
-    values |= _heat(watched)
-    heat = watched.cycle.heat
+    values |= _heat(cycle, names)
     warnings = [*heat.warnings(), *heat.unknown]
     level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
     return level, '; '.join([*warnings, _POWER_SOURCES[power.source]]), values

@@ -141,19 +141,13 @@ class BridgeServices:
         self, name: str, action: Action
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def handle(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            log = self._node.get_logger()
+            log, is_active = self._node.get_logger(), True
             try:
                 if name not in STOPS and (problem := self._same_name_problem()):
                     raise ValueError(problem)
                 answer = self._ask(action, name in STOPS)
-            except NotActiveError as error:
-                # A controller that ends together with the bridge also calls this service, so do
-                # not warn.
-                log.info(f'{name}: {error}')
-                response.success, response.message = False, str(error)
-                return response
             except (RuntimeError, ValueError) as error:
-                answer = Answer(False, str(error))
+                answer, is_active = Answer(False, str(error)), not isinstance(error, NotActiveError)
             except TimeoutError:
                 answer = Answer(
                     False,
@@ -161,8 +155,9 @@ class BridgeServices:
                     'log of the bridge',
                 )
             response.success, response.message = answer.accepted, answer.message
-            # rclpy fixes the severity of each line of code that logs.
-            if answer.accepted:
+            # rclpy fixes the severity of each line of code that logs. A controller that ends
+            # together with the bridge also calls this service, so do not warn.
+            if answer.accepted or not is_active:
                 log.info(f'{name}: {answer.message}')
             else:
                 log.warning(f'{name}: {answer.message}')

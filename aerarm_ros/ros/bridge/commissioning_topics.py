@@ -115,11 +115,8 @@ class CommissioningTopics:
         self._node = node
         self._ask = ask
         self._record = record
-        requests, reports = topics.COMMISSIONING_REQUEST, topics.COMMISSIONING_REPORT
-        self._publisher = node.create_publisher(reports.type, reports.name, reports.offered)
-        self._subscription = node.create_subscription(
-            requests.type, requests.name, self._answer, requests.qos
-        )
+        self._publisher = topics.COMMISSIONING_REPORT.publisher(node)
+        self._subscription = topics.COMMISSIONING_REQUEST.subscription(node, self._answer)
 
     def destroy(self) -> None:
         """Destroy publisher and subscription."""

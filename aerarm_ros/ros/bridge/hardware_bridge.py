@@ -34,7 +34,6 @@ from aerarm_ros.ros.bridge.bridge_diagnostics import (
     ModeLog,
     RejectionLog,
     Status,
-    Watched,
     followed_by,
 )
 from aerarm_ros.ros.bridge.bridge_parameters import (
@@ -198,17 +197,15 @@ class HardwareBridge(LifecycleNode):
         self.world.bridge = self
         self.cycle: BridgeCycle | None = None
         self._loop: PeriodicLoop | None = None
-        self._timing: BridgeTiming | None = None
+        self.timing: BridgeTiming | None = None
         self.requests = CycleRequests()
         self.values = self.world.parameters.declare(
             self, self._on_parameter, self._parameter_problem
         )
-        self._mode_publisher = self.create_publisher(
-            String, topics.ARM_MODE.name, topics.ARM_MODE.offered
-        )
+        self._mode_publisher = topics.ARM_MODE.publisher(self)
         self._mode_log = ModeLog(self)
-        self._rejection_log = RejectionLog(self, lambda: self._command_publishers.warning)
-        self._diagnostics = BridgeDiagnostics(self, self.world.now_ns, self.world.statuses)
+        self._rejection_log = RejectionLog(self, lambda: self.command_publishers.warning)
+        self._diagnostics = BridgeDiagnostics(self, self.world.now_ns)
         self._work = threading.Event()
         self._stopping = False
         self._starting = False  # without a lifecycle client a problem ends the process
@@ -236,9 +233,9 @@ class HardwareBridge(LifecycleNode):
             self._transport = self.world.make_transport(config, robot, profile)
             self._transport.open()
             kept_in = state_file(self.values, self.get_fully_qualified_name(), self.world.emulated)
-            self._zero_file = ZeroFile(kept_in, config)
-            kept = self._zero_file.read(time.monotonic())
-            self._record = RecordWatch(self, self.values, config, self.world.emulated)
+            self.zero_file = ZeroFile(kept_in, config)
+            kept = self.zero_file.read(time.monotonic())
+            self.record = RecordWatch(self, self.values, config, self.world.emulated)
             self.cycle = BridgeCycle(
                 config,
                 self._transport,
@@ -246,7 +243,7 @@ class HardwareBridge(LifecycleNode):
                 profile,
                 robot=robot,
                 kept=kept,
-                pulse_offset=self._record.pulse_offset,
+                pulse_offset=self.record.pulse_offset,
             )
             if isinstance(kept, KeptZeros) and kept.heat:
                 self.cycle.heat.recall(kept.heat, time.monotonic())
@@ -259,13 +256,14 @@ class HardwareBridge(LifecycleNode):
         for text in self.cycle.heat.unknown:
             self.get_logger().warning(text)
         self._try_wires(profile)
-        self._commissioning = CommissioningTopics(self, self.requests.ask, self._record)
-        self._command_publishers = CommandPublishers(self.values.allowed_publishers)
+        self._commissioning = CommissioningTopics(self, self.requests.ask, self.record)
+        self.command_publishers = CommandPublishers(self.values.allowed_publishers)
         self.streams = BridgeStreams(self, config.joint_names)
-        self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
-        self._duplicates = DuplicatePublisherWatch(self, topics.JOINT_STATES)
-        topic = topics.ROBOT_DESCRIPTION
-        self._description = self.create_publisher(topic.type, topic.name, topic.offered)
+        self.publisher_watch = PublisherWatch(
+            self, topics.JOINT_COMMAND, self.command_publishers.look
+        )
+        self.duplicates = DuplicatePublisherWatch(self, topics.JOINT_STATES)
+        self._description = topics.ROBOT_DESCRIPTION.publisher(self)
         self._description.publish(String(data=urdf))  # latched for later subscribers
         return SUCCESS
 
@@ -274,20 +272,8 @@ class HardwareBridge(LifecycleNode):
         assert self.cycle is not None
         self._set_gains(self.cycle)
         self._loop = self.world.make_loop()
-        self._timing = BridgeTiming(self._loop, self.world.clock)
-        self._diagnostics.watch(
-            Watched(
-                self.config.joint_names,
-                self.cycle,
-                self._timing,
-                self._command_publishers,
-                self._watch,
-                self._duplicates,
-                self._zero_file,
-                self.world.emulated,
-                self._record,
-            )
-        )
+        self.timing = BridgeTiming(self._loop, self.world.clock)
+        self._diagnostics.watch(self)
         self.requests.open()
         self._work.set()
         return SUCCESS
@@ -305,12 +291,12 @@ class HardwareBridge(LifecycleNode):
         """Close the SPI buses."""
         self.world.clean_up()
         self._commissioning.destroy()
-        self._watch.destroy()
-        self._duplicates.destroy()
+        self.publisher_watch.destroy()
+        self.duplicates.destroy()
         self.streams.destroy()
         self.destroy_publisher(self._description)
         self._transport.close()
-        self._zero_file.close()
+        self.zero_file.close()
         self.cycle = self._loop = None
         return SUCCESS
 
@@ -374,7 +360,7 @@ class HardwareBridge(LifecycleNode):
             BridgeServices(self, self.requests.ask, actions)
             prepare_thread(self.values, self.get_logger())
             self._run_while_active()
-        account = self._timing.account() if self._timing else 'no cycle has run yet'
+        account = self.timing.loop.account() if self.timing else 'no cycle has run yet'
         print_answer(f'{self.get_name()}: {account}')
 
     def close(self) -> None:
@@ -396,15 +382,15 @@ class HardwareBridge(LifecycleNode):
         self.requests.close()  # `on_activate` may just have opened it again
 
     def _run_loop(self) -> None:
-        loop, cycle, timing = self._loop, self.cycle, self._timing
+        loop, cycle, timing = self._loop, self.cycle, self.timing
         assert loop and cycle and timing  # created by activation
         try:
             loop.run(lambda now_ns, index: self._run_cycle(cycle, timing, now_ns * 1e-9))
         finally:
             # The motors go off after any end of the loop, including an exception.
             cycle.shutdown()
-            self._zero_file.close()
-            self._publish_mode(INACTIVE)
+            self.zero_file.close()
+            self._publish_mode(cycle, INACTIVE)
             self.requests.close()
 
     def stop(self) -> None:
@@ -427,9 +413,9 @@ class HardwareBridge(LifecycleNode):
             cycle.motor_power,
         )
         if cycle.mode != self.mode:
-            self._publish_mode(cycle.mode)
+            self._publish_mode(cycle, cycle.mode)
         self._rejection_log.update(cycle.intake, cycle.mode, now)
-        self._zero_file.update(cycle, now)
+        self.zero_file.update(cycle, now)
         self.world.end_cycle(now, self._stamp_ns)
         self.report()
         self._slack.begin()
@@ -441,8 +427,8 @@ class HardwareBridge(LifecycleNode):
 
     def report(self) -> None:
         """Check for duplicate publishers and build a part of the diagnostics, once per cycle."""
-        self._watch.poll()
-        self._duplicates.poll()
+        self.publisher_watch.poll()
+        self.duplicates.poll()
         if self.cycle is not None and (news := self.cycle.heat.news):
             self._mode_log.warn(news.pop(0))
         # Diagnostics are published once per second of real time, also in a slow simulation.
@@ -459,23 +445,19 @@ class HardwareBridge(LifecycleNode):
         names, sample, publisher = command
         age_ns = self.world.now_ns() - sample.stamp_ns
         matched = self.streams.commands.publishers() if publisher is None else 1
-        source, allowed = self._command_publishers.judge(publisher, matched)
-        if not self._command_publishers.knows(publisher):
-            self._watch.look_soon()
+        source, allowed = self.command_publishers.judge(publisher, matched)
+        if not self.command_publishers.knows(publisher):
+            self.publisher_watch.look_soon()
         numbers = (sample.position, sample.velocity, sample.effort)
         offered = OfferedCommand(names, *numbers, age_ns * 1e-9, source, allowed)
         cycle.command(offered, now)
         timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
 
-    def _publish_mode(self, mode: str) -> None:
+    def _publish_mode(self, cycle: BridgeCycle, mode: str) -> None:
         self.mode = mode
         self.world.clock.may_step = mode in _MOTORS_OFF
         self._mode_publisher.publish(String(data=mode))
-        cycle = self.cycle
-        reasons, recovery_hint = (
-            (cycle.faults, cycle.recovery_hint(self.world.emulated)) if cycle else ((), '')
-        )
-        self._mode_log.note(mode, reasons, recovery_hint)
+        self._mode_log.note(mode, cycle.faults, cycle.recovery_hint(self.world.emulated))
         self._diagnostics.publish_soon()
 
 
@@ -505,7 +487,7 @@ class BridgeStreams:
         self._power_cdr = Float64ArrayCdr(len(self._names))
         self._node = node
         self._joint_states, self._motor_states, self._motor_power = (
-            node.create_publisher(topic.type, topic.name, topic.offered)
+            topic.publisher(node)
             for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.MOTOR_POWER)
         )
         self.commands = RawReader(node, topics.JOINT_COMMAND, identify=True)

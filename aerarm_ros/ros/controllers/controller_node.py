@@ -96,13 +96,7 @@ class ControllerNode(StateNode):
         """Subscribe to the payload estimate, if payload compensation is enabled."""
         if self.values.hand_over == 0.0:
             return
-        self._payload = PayloadIntake(
-            self.arm,
-            self.values,
-            lambda: (1e-9 * self.stamp_ns, self.state),
-            lambda: self.loop.disturbance,
-            self.base.motion,
-        )
+        self._payload = PayloadIntake(self)
         self.listen(topics.PAYLOAD, self._payload.take)
         self.attend(self._payload)
 
@@ -207,9 +201,21 @@ class ControllerNode(StateNode):
                 f"the arm is in mode '{self._mode}': run {to_switch_on(self._mode)}, or clear the "
                 'fault'
             )
-        problem = '' if self._payload is None else self._payload.problem
-        problem = problem or self._reaction_problem()
-        return ('' if self.loop.base is None else super().warning()) or problem
+        if self.loop.base is not None and (problem := super().warning()):
+            return problem
+        if self._payload is not None and self._payload.problem:
+            return self._payload.problem
+        reaction = self._reaction
+        if (
+            reaction is None
+            or reaction.reaction is Reaction.REPORT
+            or not reaction.is_silent(1e-9 * self.stamp_ns)
+        ):
+            return ''
+        return (
+            f"contact_reaction is '{reaction.reaction.value}', but no node publishes the topic "
+            'contact: start contact_estimator'
+        )
 
     def describe(self) -> dict[str, object]:
         """Return the values of this controller for /diagnostics."""
@@ -231,17 +237,6 @@ class ControllerNode(StateNode):
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values
-
-    def _reaction_problem(self) -> str:
-        reaction = self._reaction
-        if reaction is None or reaction.reaction is Reaction.REPORT:
-            return ''
-        if reaction.is_silent(1e-9 * self.stamp_ns):
-            return (
-                f"contact_reaction is '{reaction.reaction.value}', but no node publishes the topic "
-                'contact: start contact_estimator'
-            )
-        return ''
 
     def _log_begin(self, state: ArmState) -> None:
         """Log the posture at which control starts, once per activation of the loop."""

@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import InertiaStamped, WrenchStamped
-from std_msgs.msg import Header
 
 from aerarm_ros.control.base.base_motion import Mount
 from aerarm_ros.control.base.base_motion_estimator import (
@@ -37,9 +35,8 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.dynamics import checked_payload
-from aerarm_ros.model.inertia import checked_body, parameters_of_body
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.motion.signals import REACTIONS, Array, Reaction
+from aerarm_ros.motion.signals import REACTIONS, Reaction
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
@@ -50,50 +47,6 @@ from aerarm_ros.ros.parameters.shared_parameters import (
 )
 from aerarm_ros.world.heading import HeadingControl
 from aerarm_ros.world.rotor_governor import RotorGovernor
-
-
-def inertia_message(header: Header, mass: float, centre: Array, inertia: Array) -> InertiaStamped:
-    """Return a message with mass, centre of mass and inertia of a body.
-
-    Parameters
-    ----------
-    header : Header
-        Header with the frame of centre and axes.
-    mass : float
-        Mass of the body [kg].
-    centre : (3,) ndarray
-        Centre of mass [m].
-    inertia : (3, 3) ndarray
-        Inertia about the centre of mass [kg m^2].
-    """
-    message = InertiaStamped(header=header)
-    body, tensor = message.inertia, inertia.tolist()
-    body.m = float(mass)
-    body.com.x, body.com.y, body.com.z = centre.tolist()
-    body.ixx, body.ixy, body.ixz = tensor[0]
-    body.iyy, body.iyz, body.izz = tensor[1][1], tensor[1][2], tensor[2][2]
-    return message
-
-
-def wrench_message(header: Header, wrench: Array) -> WrenchStamped:
-    """Return a message with force [N] and moment [Nm], given as one array (6,)."""
-    message = WrenchStamped(header=header)
-    f, m = message.wrench.force, message.wrench.torque
-    f.x, f.y, f.z, m.x, m.y, m.z = wrench.tolist()
-    return message
-
-
-def body_of_message(message: InertiaStamped) -> Array:
-    """Return the inertial parameters (10,) of the body in a message; raises ValueError."""
-    body = message.inertia
-    centre = [body.com.x, body.com.y, body.com.z]
-    tensor = [
-        [body.ixx, body.ixy, body.ixz],
-        [body.ixy, body.iyy, body.iyz],
-        [body.ixz, body.iyz, body.izz],
-    ]
-    return checked_body('payload', parameters_of_body(body.m, centre, tensor))
-
 
 ARM_PARAMETERS = grouped(
     'Base motion',
@@ -265,13 +218,6 @@ REACTION_PARAMETERS = grouped(
 )  # fmt: skip
 
 
-class CarryingModel(Protocol):
-    """Interface of an arm model that can include a payload."""
-
-    def carry(self, payload: npt.ArrayLike) -> None:
-        """Set the payload at the last link, as the method `Dynamics.carry` does."""
-
-
 @dataclass(frozen=True)
 class ControlledArm:
     """Configuration, model, limits and drone of an arm; its methods create a controller's parts."""
@@ -280,7 +226,7 @@ class ControlledArm:
     robot: Robot
     limits: JointLimits
     drone: DroneConfig | None = None
-    _models: list[CarryingModel] = field(default_factory=list)
+    _models: list[Any] = field(default_factory=list)
 
     @classmethod
     def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
@@ -298,8 +244,8 @@ class ControlledArm:
         self.load(model, values)
         return model
 
-    def load(self, model: CarryingModel, values: SimpleNamespace) -> None:
-        """Set the payload of a model, and store the model for `carry`; raises ValueError."""
+    def load(self, model: Any, values: SimpleNamespace) -> None:
+        """Set the payload of a model by its method `carry`, and store it for later changes."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)
 
@@ -319,14 +265,9 @@ class ControlledArm:
             estimate = read_estimate(Path(values.friction_file), self.robot)
             known = KnownArm.identified(self.robot, estimate)
             return JointFriction(known, values.friction_width, values.friction_fraction)
-        viscous, coulomb = self.robot.viscous, self.robot.coulomb
-        return FrictionCompensation(
-            viscous,
-            coulomb,
-            values.friction_width,
-            values.friction_fraction,
-            load_share(values, self.robot),
-        )
+        width, fraction = values.friction_width, values.friction_fraction
+        robot, load = self.robot, load_share(values, self.robot)
+        return FrictionCompensation(robot.viscous, robot.coulomb, width, fraction, load)
 
     def observer(
         self,
@@ -434,13 +375,10 @@ class ControlledArm:
             values.goal_time or np.inf,
             values.stream_timeout,
         )
-        governor = self.governor(values)
-        if governor is None:
-            return TrajectoryFollower(self.limits, tolerances, values.interpolation)
-        chase = ReferenceChase(self.limits, governor.motion_limits)
-        return TrajectoryFollower(
-            self.limits, tolerances, values.interpolation, governor.govern, chase
-        )
+        limited: tuple[Any, ...] = ()
+        if (governor := self.governor(values)) is not None:
+            limited = governor.govern, ReferenceChase(self.limits, governor.motion_limits)
+        return TrajectoryFollower(self.limits, tolerances, values.interpolation, *limited)
 
     def governor(self, values: SimpleNamespace) -> RotorGovernor | None:
         """Return the governor that slows down motions which demand too much of the rotors.

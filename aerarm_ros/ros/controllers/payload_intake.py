@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from geometry_msgs.msg import InertiaStamped
 
-from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_compensation import PayloadCompensation
-from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm, body_of_message
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD
+from aerarm_ros.ros.messages import body_of_message
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+
+if TYPE_CHECKING:  # `controller_node` imports this module
+    from aerarm_ros.ros.controllers.controller_node import ControllerNode
 
 _STEP = 0.005  # [s] between two changes of the model's payload
 _CHECK_PERIOD = 0.02  # [s] between two checks of the torque residual
@@ -44,39 +46,23 @@ class PayloadIntake:
 
     Parameters
     ----------
-    arm
-        Arm whose models receive the payload.
-    values
-        Parameters of the node.
-    now
-        Returns the stamp of the newest state [s], and the state.
-    residual
-        Returns the observed disturbance (n,) [Nm], None without an observer.
-    base
-        Returns the base's motion at a time [s].
+    controller
+        Controller whose models receive the payload.
     """
 
-    def __init__(
-        self,
-        arm: ControlledArm,
-        values: SimpleNamespace,
-        now: Callable[[], tuple[float, ArmState | None]],
-        residual: Callable[[], np.ndarray | None],
-        base: Callable[[float], BaseMotion],
-    ) -> None:
-        self._arm = arm
-        self._values = values
-        self._now = now
-        self._residual = residual
-        self._base = base
-        self._regressor = MomentumRegressor(arm.robot)
+    def __init__(self, controller: ControllerNode) -> None:
+        self._controller = controller
+        self._arm, self._values = controller.arm, controller.values
+        self._regressor = MomentumRegressor(self._arm.robot)
         self._compensation = PayloadCompensation(
-            values.hand_over, values.hand_over_mass_rate, values.hand_over_centre_rate
+            self._values.hand_over,
+            self._values.hand_over_mass_rate,
+            self._values.hand_over_centre_rate,
         )
-        self._link = arm.robot.link_names[-1]
+        self._link = self._arm.robot.link_names[-1]
         self._updated = self._judged = -np.inf
         self._undone = 0
-        self._own = getattr(values, PAYLOAD)
+        self._own = getattr(self._values, PAYLOAD)
 
     def take(self, message: InertiaStamped, _: float) -> None:
         """Process a payload estimate; raises RejectedInputError if the estimate is invalid."""
@@ -92,7 +78,7 @@ class PayloadIntake:
 
     def update(self) -> None:
         """Change the models' payload by one step, or check if the torque residual decreases."""
-        now, state = self._now()
+        now, state = 1e-9 * self._controller.stamp_ns, self._controller.state
         if not 0.0 <= now - self._updated < _MAX_GAP or state is None:
             self._updated = self._judged = now
             return
@@ -136,10 +122,10 @@ class PayloadIntake:
 
     def _judge(self, now: float, state: ArmState) -> None:
         elapsed, self._judged = now - self._judged, now
-        residual, carried = self._residual(), self._compensation.carried
+        residual, carried = self._controller.loop.disturbance, self._compensation.carried
         if residual is None or not carried[0]:
             return
-        base = self._base(now)
+        base = self._controller.base.motion(now)
         _, force = self._regressor.evaluate(
             state.q, state.dq, base.specific_force, base.angular_velocity
         )

@@ -5,21 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import AccelStamped, PointStamped
 from numpy.typing import NDArray
-from rclpy.node import Node
-from rclpy.publisher import Publisher
-from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics import RawReader
-from aerarm_msgs_py.topics import Topic
 from aerarm_ros.control.base.rotor_wrench import RotorWrench
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.compensation import Fade
@@ -34,12 +29,9 @@ from aerarm_ros.flight.contact_estimator import (
 )
 from aerarm_ros.flight.flight_state import SET_BACK
 from aerarm_ros.motion.signals import ArmState, JointReference
-from aerarm_ros.ros.controllers.controller_parameters import (
-    ControlledArm,
-    inertia_message,
-    load_share,
-    wrench_message,
-)
+from aerarm_ros.ros.controllers.controller_parameters import load_share
+from aerarm_ros.ros.controllers.state_node import StateNode
+from aerarm_ros.ros.messages import fill, inertia_message, seconds, wrench_message
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.states.flight_stream import RotorCommands, checked_odometry
 from aerarm_ros.ros.states.state_stream import base_header, decoded_odometry
@@ -77,22 +69,13 @@ class LoadTopics:
 
     Parameters
     ----------
-    node
-        Owner of the publishers.
-    values
-        Values of `LOAD_PARAMETERS`.
-    publish
-        Called with a publisher and the message to publish.
+    owner
+        Node with the parameters `LOAD_PARAMETERS`.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        arm: ControlledArm,
-        values: SimpleNamespace,
-        publish: Callable[[Publisher, Any], None],
-    ) -> None:
-        self._publish = publish
+    def __init__(self, owner: StateNode) -> None:
+        node, arm, values = owner.node, owner.arm, owner.values
+        self._publish = owner.answers.publish
         self._model = ArmLoadModel(arm.robot)
         arm.load(self._model.dynamics, values)
         self._names = arm.config.joint_names
@@ -109,14 +92,11 @@ class LoadTopics:
         self._sent: tuple[int, ArmLoad] | None = None
         self._fade = Fade(_FADE, share=1.0)
         self._silent_since = 0.0
-
-        def advertise(topic: Topic) -> Any:
-            return node.create_publisher(topic.type, topic.name, topic.offered)
-
-        self._com, self._inertia = advertise(topics.ARM_COM), advertise(topics.ARM_INERTIA)
-        self._weight = advertise(topics.WEIGHT_WRENCH)
-        self._motion = advertise(topics.MOTION_WRENCH)
-        self._acceleration = advertise(topics.FEEDFORWARD_ACCELERATION)
+        self._com = topics.ARM_COM.publisher(node)
+        self._inertia = topics.ARM_INERTIA.publisher(node)
+        self._weight = topics.WEIGHT_WRENCH.publisher(node)
+        self._motion = topics.MOTION_WRENCH.publisher(node)
+        self._acceleration = topics.FEEDFORWARD_ACCELERATION.publisher(node)
 
     def add(self, stamp_ns: int, measured: JointReference) -> None:
         """Process the joint motion measured at `stamp_ns`; publish if one period has passed."""
@@ -163,10 +143,8 @@ class LoadTopics:
         ]
         if all(column.ndim == 2 and column.shape[1] == len(order) for column in columns):
             columns = [column[:, order] for column in columns]
-        durations = [point.time_from_start for point in points]
-        times = np.array([duration.sec + 1e-9 * duration.nanosec for duration in durations])
-        begin = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        self.forecast.offer(begin, times, *columns)
+        times = np.array([seconds(point.time_from_start) for point in points])
+        self.forecast.offer(seconds(message.header.stamp), times, *columns)
 
     def _has_faded_after(self, stamp_ns: int) -> bool:
         """Return whether a joint state is older than the last message of the fading motion.
@@ -180,7 +158,9 @@ class LoadTopics:
     def _send(self, stamp_ns: int, load: ArmLoad) -> None:
         self._sent = stamp_ns, load
         header = base_header(stamp_ns, self._base)
-        self._publish(self._com, _point_message(header, load.com))
+        centre = PointStamped(header=header)
+        fill(centre.point, load.com)
+        self._publish(self._com, centre)
         self._publish(self._inertia, inertia_message(header, load.mass, load.com, load.inertia))
         self._publish(self._weight, wrench_message(header, load.weight))
         self._send_motion(stamp_ns, load)
@@ -196,15 +176,9 @@ class LoadTopics:
             acceleration = at_drone_centre(acceleration, self._drone)
             header = base_header(stamp_ns, self._body)
         message = AccelStamped(header=header)
-        a, w = message.accel.linear, message.accel.angular
-        a.x, a.y, a.z, w.x, w.y, w.z = acceleration.tolist()
+        fill(message.accel.linear, acceleration[:3])
+        fill(message.accel.angular, acceleration[3:])
         self._publish(self._acceleration, message)
-
-
-def _point_message(header: Header, point: NDArray[np.float64]) -> PointStamped:
-    message = PointStamped(header=header)
-    message.point.x, message.point.y, message.point.z = point.tolist()
-    return message
 
 
 PUBLISHED = 'published'
@@ -225,27 +199,13 @@ class ContactTopic:
 
     Parameters
     ----------
-    node
-        Owner of publisher and subscriptions.
-    arm
-        The arm, and the drone that carries it.
-    values
-        Values of `CONTACT_PARAMETERS` and `ARM_PARAMETERS`.
-    reject
-        Called with the reason why an input is rejected.
-    act
-        Runs a function in the loop's thread, with the present time [s] as argument.
+    owner
+        Node with the parameters `CONTACT_PARAMETERS`.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        arm: ControlledArm,
-        values: SimpleNamespace,
-        reject: Callable[[str], None],
-        act: Callable[[Callable[[float], None]], None],
-    ) -> None:
-        self._reject, self._act = reject, act
+    def __init__(self, owner: StateNode) -> None:
+        node, arm, values = owner.node, owner.arm, owner.values
+        self._reject, self._act = owner.reject, owner.act
         node.create_service(Trigger, '~/zero_contact', self._on_zero)
         self._frame = arm.robot.base_link
         self._looked_ns = 0
@@ -260,9 +220,8 @@ class ContactTopic:
         self._estimator = ContactEstimator(drone, observer, rotors, values.imu_hold_time)
         self._names = drone.rotor_names
         self._odometry = RawReader(node, topics.ODOMETRY)
-        self._commands = RotorCommands(node, self._names, reject)
-        topic = topics.CONTACT_WRENCH
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._commands = RotorCommands(node, self._names, self._reject)
+        self._publisher = topics.CONTACT_WRENCH.publisher(node)
 
     def add(self, stamp_ns: int, state: ArmState) -> None:
         """Process a joint state with its stamp [ns], and publish the contact wrench."""
@@ -357,10 +316,8 @@ class EnergyTopic:
 
     Parameters
     ----------
-    node
-        Owner of the publisher.
-    values
-        Values of `ENERGY_PARAMETERS`.
+    owner
+        Node with the parameters `ENERGY_PARAMETERS`.
 
     Raises
     ------
@@ -368,7 +325,8 @@ class EnergyTopic:
         If a parameter cannot be used.
     """
 
-    def __init__(self, node: Node, arm: ControlledArm, values: SimpleNamespace) -> None:
+    def __init__(self, owner: StateNode) -> None:
+        arm, values = owner.arm, owner.values
         model = EnergyModel(
             arm.config, arm.robot, values.rotor_inertia or None, load_share(values, arm.robot)
         )
@@ -379,8 +337,7 @@ class EnergyTopic:
             for joint in arm.config.joints
         }
         self._due = -np.inf
-        topic, joints = topics.ENERGY, arm.config.joint_names
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._publisher, joints = topics.ENERGY.publisher(owner.node), arm.config.joint_names
         rows, columns, n = 'cause: ' + ' '.join(ROWS), 'joint: ' + ' '.join(joints), len(joints)
         self._layout = MultiArrayLayout(
             dim=[

@@ -77,8 +77,7 @@ class PlanTopic:
         self._stamp_ns = stamp_ns
         self._ahead = ahead
         self._published_ns = -_PERIOD_NS
-        topic = topics.PLANNED_MOTION
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._publisher = topics.PLANNED_MOTION.publisher(node)
         self._message = JointTrajectory(joint_names=list(joint_names))
         self._message.points = [
             JointTrajectoryPoint(time_from_start=Duration(nanosec=round(time * _SECOND)))
@@ -246,7 +245,7 @@ class StateNode:
         def store(message: Any) -> None:
             self._requests.append(lambda now: act(message, now))
 
-        self.node.create_subscription(topic.type, topic.name, store, topic.qos)
+        topic.subscription(self.node, store)
 
     def act(self, action: Callable[[float], None]) -> None:
         """Run a function in the loop's thread before the next joint state is answered."""
@@ -254,7 +253,7 @@ class StateNode:
 
     def advertise(self, topic: Topic) -> Any:
         """Create a publisher of the topic, and return it."""
-        return self.node.create_publisher(topic.type, topic.name, topic.offered)
+        return topic.publisher(self.node)
 
     def since_state_ns(self) -> int:
         """Return the time since the publication of the newest joint state [ns], in real time."""
@@ -279,11 +278,10 @@ class StateNode:
             while not self._stopping and rclpy.ok():
                 if self._stream.wait(patience):
                     self._take()
-                silent_for, timeout = (
-                    time.monotonic() - self._state_arrival,
-                    self.values.state_timeout,
-                )
-                patience = self.silence(silent_for) if silent_for > timeout else timeout
+                silent_for = time.monotonic() - self._state_arrival
+                patience = self.values.state_timeout
+                if silent_for > patience:
+                    patience = self.silence(silent_for)
             if rclpy.ok():
                 self.leave()
         print_answer(f'{self.node.get_name()}: {self.diagnostics.account()}')
@@ -319,7 +317,7 @@ class StateNode:
             self._offer(sample, stamp_ns)
         if thrusts is not None and isinstance(self.base, FreeBaseEstimator):
             came_ns = _arrival(before_ns, stamp_ns, thrusts.lead_ns)
-            self._try(partial(self.base.offer_rotors, *thrusts[:3]), came_ns)
+            self._try(partial(self.base.rotors.offer, *thrusts[:3]), came_ns)
 
     def _rotor_names(self) -> tuple[str, ...]:
         """Return the names of the rotors whose commands the base-motion estimator needs."""
@@ -340,16 +338,12 @@ class StateNode:
     def _parameter_problem(self, changes: Mapping[str, Any]) -> str:
         for name, value in changes.items():
             try:
+                if name == PAYLOAD and not payload_problem(changes):
+                    self.arm.check_base(self.values, value)
                 self.check_parameter(name, value)
             except ValueError as error:
                 return f'parameter {name}: {error}'
-        problem = payload_problem(changes)
-        if not problem and PAYLOAD in changes:
-            try:
-                self.arm.check_base(self.values, changes[PAYLOAD])
-            except ValueError as error:
-                problem = f'parameter {PAYLOAD}: {error}'
-        return problem
+        return payload_problem(changes)
 
     def _on_parameter(self, name: str, value: Any) -> None:
         def change(_: float) -> None:

@@ -15,6 +15,7 @@ from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
 from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.messages import fill, vector
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.states.state_stream import base_header
 
@@ -71,8 +72,7 @@ class ToolTopics:
         self._base = controller.arm.robot.base_link
         # A separate instance for the executor's thread, because `Kinematics` has working memory.
         self._kinematics = Kinematics(controller.arm.robot, frame)
-        pose = topics.TOOL_POSE
-        self._poses = controller.node.create_publisher(pose.type, pose.name, pose.offered)
+        self._poses = topics.TOOL_POSE.publisher(controller.node)
         controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
         create_steady_timer(controller.node, _POSE_PERIOD, self._publish_pose)
 
@@ -83,8 +83,7 @@ class ToolTopics:
                 f'tool target rejected, because its frame is {frame!r}: send the target in the '
                 f'frame {self._base!r}'
             )
-        p = message.pose.position
-        self._follower.set_target([p.x, p.y, p.z], now)
+        self._follower.set_target(vector(message.pose.position), now)
 
     def _publish_pose(self) -> None:
         state = self._controller.state
@@ -92,7 +91,6 @@ class ToolTopics:
             return
         message = PoseStamped(header=base_header(self._controller.stamp_ns, self._base))
         transform = self._kinematics.transform(state.q)
-        p, r = message.pose.position, message.pose.orientation
-        p.x, p.y, p.z = transform[:3, 3].tolist()
-        r.x, r.y, r.z, r.w = quaternion(transform[:3, :3]).tolist()
+        fill(message.pose.position, transform[:3, 3])
+        fill(message.pose.orientation, quaternion(transform[:3, :3]))
         self._poses.publish(message)

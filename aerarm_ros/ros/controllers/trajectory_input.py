@@ -45,6 +45,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
 )
 from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.messages import seconds
 
 TRAJECTORY_PARAMETERS = (
     *FRICTION_PARAMETERS,
@@ -87,12 +88,12 @@ def read_trajectory(
     trajectory = JointTrajectory(
         limits,
         names + [limits.names[joint] for joint in others],
-        [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points],
+        [seconds(point.time_from_start) for point in points],
         [_filled(p.positions, held) for p in points],
         [_filled(p.velocities, zero) for p in points],
         [_filled(p.accelerations, zero) for p in points],
     )
-    stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+    stamp = seconds(message.header.stamp)
     if stamp and not -_MAX_BEFORE <= stamp - now <= _MAX_AFTER:
         raise RejectedInputError(
             f'trajectory rejected, because its stamp differs by {stamp - now:+.1f} s from the time '
@@ -184,6 +185,11 @@ class TrajectoryController(ControllerNode):
         """Return a message's trajectory and start time, as the function `read_trajectory` does."""
         staying = self.follower.reference.q if self.values.allow_partial_joints_goal else None
         return read_trajectory(self.follower.limits, message, now, staying)
+
+    def check_parameter(self, name: str, value: Any) -> None:
+        """Raise ValueError unless a new gain has one value, or one per joint."""
+        if name in ('kp', 'kd'):
+            non_negative(name, scalar_or_array(value), self.arm.config.n)
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change the control gains or the reaction to contact."""
@@ -281,14 +287,14 @@ class TrajectoryAction:
         self._end(ended)
 
     def _tolerances(self, handle: Any) -> FollowerTolerances:
-        request, time = handle.request, handle.request.goal_time_tolerance
+        request = handle.request
         try:
             return resolve_tolerances(
                 self._own,
                 self._follower.limits.names,
                 [(tolerance.name, tolerance.position) for tolerance in request.path_tolerance],
                 [(tolerance.name, tolerance.position) for tolerance in request.goal_tolerance],
-                time.sec + time.nanosec / _BILLION,
+                seconds(request.goal_time_tolerance),
             )
         except RejectedInputError as error:
             # joint_trajectory_controller also uses the default tolerances in this case.

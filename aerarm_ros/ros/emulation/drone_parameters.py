@@ -29,6 +29,16 @@ _IMU_SEED, _ODOMETRY_SEED, _GUST_SEED, _EXTERNAL_SEED = range(4)
 
 CONTACT = 'contact_force', 'contact_link'
 
+
+def _delay(sensor: str, text: str) -> Parameter:
+    return Parameter(f'{sensor}_delay', 0.0, text, 's', 0.0, 0.5)
+
+
+def _deviations(name: str, text: str, units: str) -> Parameter:
+    """Return the parameter of several standard deviations, one per unit, by default zero."""
+    return Parameter(name, [0.0] * len(units.split(',')), text, units, 0.0, 10.0)
+
+
 DRONE_PARAMETERS = grouped(
     'Emulated drone',
     Parameter(
@@ -48,31 +58,18 @@ DRONE_PARAMETERS = grouped(
         1,
         1000,
     ),
-    Parameter(
-        'imu_delay',
-        0.0,
-        'delay from the sampling of the emulated IMU to the publication of the sample',
-        's',
-        0.0,
-        0.5,
-    ),
-    Parameter(
+    _delay('imu', 'delay from the sampling of the emulated IMU to the publication of the sample'),
+    _deviations(
         'imu_noise',
-        [0.0, 0.0],
         'noise of the emulated IMU: standard deviations for specific force and for angular '
         'velocity',
         'm/s^2, rad/s',
-        0.0,
-        10.0,
     ),
-    Parameter(
+    _deviations(
         'imu_bias',
-        [0.0, 0.0],
         'standard deviations of the random constant bias of the emulated IMU, per axis: for '
         'specific force and for angular velocity',
         'm/s^2, rad/s',
-        0.0,
-        10.0,
     ),
     Parameter(
         'imu_attitude_error',
@@ -86,22 +83,14 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'odometry_rate', 250.0, "publishing rate of the emulated drone's odometry", 'Hz', 1, 1000
     ),
-    Parameter(
-        'odometry_delay',
-        0.0,
-        "delay from the measurement of the emulated drone's odometry to its publication",
-        's',
-        0.0,
-        0.5,
+    _delay(
+        'odometry', "delay from the measurement of the emulated drone's odometry to its publication"
     ),
-    Parameter(
+    _deviations(
         'odometry_noise',
-        [0.0, 0.0, 0.0, 0.0],
         "noise of the emulated drone's odometry: standard deviations of position, velocity, "
         'attitude and angular velocity',
         'm, m/s, rad, rad/s',
-        0.0,
-        10.0,
     ),
     Parameter(
         'external_odometry_rate',
@@ -112,22 +101,14 @@ DRONE_PARAMETERS = grouped(
         0.0,
         1000.0,
     ),
-    Parameter(
-        'external_odometry_delay',
-        0.0,
-        'delay from the measurement of external_odometry to its publication',
-        's',
-        0.0,
-        0.5,
+    _delay(
+        'external_odometry', 'delay from the measurement of external_odometry to its publication'
     ),
-    Parameter(
+    _deviations(
         'external_odometry_noise',
-        [0.0, 0.0, 0.0, 0.0],
         'noise of external_odometry: standard deviations of position, velocity, attitude and '
         'angular velocity',
         'm, m/s, rad, rad/s',
-        0.0,
-        10.0,
     ),
     Parameter(
         'gust_force',
@@ -251,17 +232,9 @@ def wall(values: SimpleNamespace) -> Wall | None:
     if not values.wall:
         return None
     place = _numbers(values, 'wall', 6)
-    return Wall(
-        WallParameters(
-            tuple(place[:3]),
-            tuple(place[3:]),
-            values.wall_stiffness,
-            values.wall_damping,
-            values.wall_friction,
-            values.wall_yields_after or np.inf,
-            values.wall_yield_speed or np.inf,
-        )
-    )
+    contact = values.wall_stiffness, values.wall_damping, values.wall_friction
+    yields = values.wall_yields_after or np.inf, values.wall_yield_speed or np.inf
+    return Wall(WallParameters(tuple(place[:3]), tuple(place[3:]), *contact, *yields))
 
 
 def _numbers(values: SimpleNamespace, name: str, count: int) -> list[float]:

@@ -9,7 +9,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import yaml
 
 from aerarm_ros.description.arm_config import ArmConfig
@@ -52,13 +51,14 @@ PARAMETERS = ParameterTable(
     *DRONE_PARAMETERS,
 )
 
-# Number of reports of the bridge in one idle step while the simulation pauses.
-_CYCLES_OF_A_WAIT = 10
-_STILL = 0.05  # [rad/s] largest speed of a joint at rest
 _FAULT_TIME = 1.0  # [s] simulation time until a fault has an effect
-_FALL_TIME = 2.0  # [s] after which an arm without motor current has begun to fall
 _NO_DRONE = 'the parameters contact_force and wall need a flying drone: set drone_file'
 _WALL_LINK = 'tool0'
+
+
+def _load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
+    config, robot = load_arm(values)
+    return (config.with_encoders(values.encoders) if values.encoders else config), robot
 
 
 class EmulatedArm(World):
@@ -71,17 +71,16 @@ class EmulatedArm(World):
 
     emulated = True
     parameters = PARAMETERS
+    boards: EmulatedTransport
+    _made: Callable[[Sequence[float]], PlantParameters]
 
     def __init__(self) -> None:
         super().__init__()
-        self.boards: EmulatedTransport | None = None
-        self._made: Callable[[Sequence[float]], PlantParameters] | None = None
         self._drone: EmulatedDrone | None = None
         self._geometry: MadeGeometry | None = None
         self._sensors: EmulatedSensors | None = None
         self._time: EmulatedWorld | None = None
         self._now = 0.0
-        self._awake_until = 0.0
         self.live = {
             'fault': self._inject_fault,
             'hand': self._turn,
@@ -91,9 +90,7 @@ class EmulatedArm(World):
 
     def load_arm(self) -> tuple[ArmConfig, Robot]:
         """Load configuration and model of the arm, with the encoder type in `encoders`."""
-        config, robot = super().load_arm()
-        encoders = self.bridge.values.encoders
-        return (config.with_encoders(encoders) if encoders else config), robot
+        return _load_arm(self.bridge.values)
 
     def make_transport(
         self, config: ArmConfig, robot: Robot, profile: FrameProfile
@@ -105,15 +102,13 @@ class EmulatedArm(World):
                 f'the parameter initial_position has {len(values.initial_position)} values: set '
                 f'one value for each of {", ".join(config.joint_names)}'
             )
-        seed = None if values.seed < 0 else values.seed
         drawn = robot
         config, robot = self._as_made(config, robot)
-        gears = values.backlash, values.backlash_wear, (values.stribeck, values.stribeck_velocity)
-        self._made = partial(plant_parameters, config, robot, seed, *gears)
+        self._made = partial(plant_parameters, config, robot, values)
         self.boards = transport = make_emulated_transport(
             config,
             robot,
-            seed,
+            None if values.seed < 0 else values.seed,
             position=values.initial_position or None,
             parameters=self._made(values.payload),
             profile=profile,
@@ -144,9 +139,7 @@ class EmulatedArm(World):
             own = SimpleNamespace(**vars(values))
             own.config = values.hardware_config or values.config
             own.urdf = values.hardware_urdf or values.urdf
-            config, robot = load_arm(own)
-            if values.encoders:
-                config = config.with_encoders(values.encoders)
+            config, robot = _load_arm(own)
         self._geometry = None
         if values.geometry_seed < 0:
             return config, robot
@@ -189,23 +182,11 @@ class EmulatedArm(World):
 
     def make_loop(self) -> PeriodicLoop:
         """Return the loop that calls the bridge's cycle, in simulation time or in real time."""
-        bridge, values = self.bridge, self.bridge.values
         self._destroy_time()
-        if values.pace == REAL_TIME:
+        if self.bridge.values.pace == REAL_TIME:
             return super().make_loop()
-        self._time = EmulatedWorld(
-            bridge,
-            bridge.streams,
-            bridge.requests,
-            values.pace,
-            values.period,
-            values.answer_timeout,
-            round(self._now * 1e9),
-            self._is_still,
-            self._republish,
-            self._wait_idly,
-            self._flying,
-        )
+        start_ns = round(self._now * 1e9)
+        self._time = EmulatedWorld(self.bridge, self.boards, self._flying, start_ns)
         return self._time.loop
 
     def now_ns(self) -> int:
@@ -237,58 +218,36 @@ class EmulatedArm(World):
 
     def end_cycle(self, now: float, stamp_ns: int) -> None:
         """Simulate boards and arm until the time of the next cycle, while controllers compute."""
-        self._now, self._stamp_ns = now, stamp_ns
+        self._now = now
         if self._drone is not None:
             # Before the arm moves, because a sample must be taken at the time of its stamp.
             self._drone.update(self.bridge.mode, stamp_ns)
         if self._sensors is not None:
             self._sensors.update(stamp_ns)
-        if self.boards is not None:
-            self.boards.advance(now + self.bridge.values.period)
+        self.boards.advance(now + self.bridge.values.period)
         if self._time is not None:
             self._time.end_cycle(self.bridge.mode)
-            self._time.poll()
 
     def parameter_problem(self, changes: Mapping[str, Any]) -> str:
         """Return why the node must reject new values of live parameters, or an empty string."""
-        boards, made = self.boards, self._made
-        if boards is None or made is None:
+        if self.bridge.cycle is None:
             return ''
         checks: dict[str, Callable[[Any], object]] = {
-            'fault': lambda text: FaultRequest.parse(text, len(boards.boards)),
+            'fault': lambda text: FaultRequest.parse(text, len(self.boards.boards)),
             'hand': lambda text: parse_turn(text, self.bridge.config.joint_names),
-            'payload': made,
+            'payload': self._made,
         }
-        for name in (name for name in checks if name in changes):
+        for name, check in checks.items():
             try:
-                if changes[name] or name == 'payload':
-                    checks[name](changes[name])
+                if name in changes and (changes[name] or name == 'payload'):
+                    check(changes[name])
             except ValueError as error:
                 return f'parameter {name}: {error}'
-        return self._contact_problem(changes)
+        return self._contact_problem(changes) if changes.keys() & set(CONTACT) else ''
 
-    def _is_still(self, mode: str, since: float) -> bool:
-        cycle, boards = self.bridge.cycle, self.boards
-        if cycle is None or boards is None or np.abs(cycle.dq).max() > _STILL:
-            return False
-        if self._now < self._awake_until:
-            return False
-        if self._flying is not None and self._flying.is_flying:
-            return False
-        # A released arm rests at first, then falls.
-        return mode not in OFF or boards.is_carried or since > _FALL_TIME
-
-    def _republish(self) -> None:
-        cycle = self.bridge.cycle
-        if cycle is not None:
-            joints = cycle.q_known, cycle.dq, cycle.tau
-            self.bridge.streams.publish_joints(self._stamp_ns, joints)
-
-    def _wait_idly(self) -> None:
-        for _ in range(_CYCLES_OF_A_WAIT):
-            self.bridge.report()
-            if self._time is not None:
-                self._time.poll()
+    def _keep_awake(self, duration: float) -> None:
+        if self._time is not None:
+            self._time.keep_awake(duration)
 
     def _destroy_time(self) -> None:
         if self._time is not None:
@@ -307,7 +266,7 @@ class EmulatedArm(World):
         boards = self.boards
         if self._time is not None and self._time.is_waiting:
             cycle.intake.forget()  # The publisher is silent, so the bridge may hold the arm.
-        if boards is None or cycle.mode != 'idle':
+        if cycle.mode != 'idle':
             return cycle.enable()
         if cycle.gate.is_inside(cycle.q):
             boards.carry()
@@ -321,68 +280,58 @@ class EmulatedArm(World):
 
     def _grasp(self, cycle: BridgeCycle) -> Answer:
         """Attach the payload of the parameter `payload` to the simulated arm."""
-        if self.boards is None or self._made is None:
-            return Answer(False, 'the bridge is not configured: configure it first')
         self.boards.plant.grasp(self._made(self.bridge.values.payload))
-        self._awake_until = self._now + _FAULT_TIME
+        self._keep_awake(_FAULT_TIME)
         return Answer(True, '')
 
     def _turn(self, cycle: BridgeCycle) -> Answer:
         """Turn one joint as the parameter `hand` describes."""
-        if self.boards is None:
-            return Answer(False, 'the bridge is not configured: configure it first')
+        turn = parse_turn(self.bridge.values.hand, self.bridge.config.joint_names)
         try:
-            duration = self.boards.turn(
-                *parse_turn(self.bridge.values.hand, self.bridge.config.joint_names)
-            )
+            self._keep_awake(self.boards.turn(*turn))
         except ValueError as error:
             self.bridge.get_logger().warning(f'hand: {error}')
             return Answer(False, str(error))
-        self._awake_until = self._now + duration
         return Answer(True, '')
 
     def _contact_problem(self, changes: Mapping[str, Any]) -> str:
-        plant = None if self.boards is None else self.boards.plant
-        if plant is None or not changes.keys() & set(CONTACT):
-            return ''
+        plant = self.boards.plant
         if not isinstance(plant, FlyingPlant):
             return _NO_DRONE
+        values = SimpleNamespace(**{**vars(self.bridge.values), **changes})
         try:
-            drone_parameters.contact(
-                SimpleNamespace(**{**vars(self.bridge.values), **changes}), plant
-            )
+            drone_parameters.contact(values, plant)
         except ValueError as error:
             return f'the parameters contact_force and contact_link are invalid: {error}'
         return ''
 
     def _touch(self, cycle: BridgeCycle) -> Answer:
         """Apply the parameters `contact_force` and `contact_link` to the simulation."""
-        plant = None if self.boards is None else self.boards.plant
+        plant = self.boards.plant
         if not isinstance(plant, FlyingPlant):
             return Answer(False, _NO_DRONE)
         plant.touch(*drone_parameters.contact(self.bridge.values, plant))
         return Answer(True, '')
 
     def _home(self, cycle: BridgeCycle) -> Answer:
-        boards = self.boards
-        if boards is None or cycle.mode not in OFF:
+        if cycle.mode not in OFF:
             return cycle.home()
-        boards.put_at_rest()
+        self.boards.put_at_rest()
         cycle.update(self._now)  # read the new positions and the zero velocity
         accepted, message = cycle.home()
         return Answer(accepted, f'the emulated arm was moved to its home configuration; {message}')
 
     def _inject_fault(self, cycle: BridgeCycle) -> Answer:
         fault, boards = self.bridge.values.fault, self.boards
-        if boards is None or not fault:
+        if not fault:
             return Answer(False, f'the parameter fault is empty: set it to {FORM} first')
         FaultRequest.parse(fault, len(boards.boards)).apply(boards)
-        self._awake_until = self._now + _FAULT_TIME
+        self._keep_awake(_FAULT_TIME)
         return Answer(True, f'{fault}: {FAULTS[fault.partition(":")[0].strip()].meaning}')
 
     def _put_back(self, cycle: BridgeCycle) -> Answer:
         boards = self.boards
-        if boards is None or any(board.system_enabled for board in boards.boards):
+        if any(board.system_enabled for board in boards.boards):
             return Answer(False, 'the boards still drive motors: disable the arm first')
         boards.put_back()
         if self._flying is not None:

@@ -12,7 +12,7 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.node import Node
 
 from aerarm_msgs_py.topics import RELIABLE
-from aerarm_ros.ros.emulation.flying_drone import fill_quaternion, fill_vector
+from aerarm_ros.ros.messages import fill
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.simulation.arm_plant import ArmPlant
@@ -155,7 +155,7 @@ def _publish_markers(publishers: Sequence[Any], clock_ns: int, stamp_ns: int, fr
         if not np.isfinite(position).all():
             continue  # hidden marker: a motion capture publishes no position
         message = PointStamped(header=base_header(stamp_ns + clock_ns, 'mocap'))
-        fill_vector(message.point, position)
+        fill(message.point, position)
         publisher.publish(message)
 
 
@@ -164,6 +164,6 @@ def _publish_pose(publisher: Any, frame: str, clock_ns: int, stamp_ns: int, pose
         return  # the camera does not see the marker
     rotation, place = pose
     message = PoseStamped(header=base_header(stamp_ns + clock_ns, frame))
-    fill_vector(message.pose.position, place)
-    fill_quaternion(message.pose.orientation, quaternion_of(rotation))
+    fill(message.pose.position, place)
+    fill(message.pose.orientation, quaternion_of(rotation))
     publisher.publish(message)

@@ -6,15 +6,15 @@ import struct
 import time
 from collections.abc import Callable
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.hardware.bridge_modes import COMMANDABLE, OFF
-from aerarm_ros.hardware.emulation.emulated_transport import AnswerWatch
+from aerarm_ros.hardware.emulation.emulated_transport import AnswerWatch, EmulatedTransport
 from aerarm_ros.realtime.periodic_loop import OK, PeriodicLoop, TimingSummary, sleep_until
-from aerarm_ros.ros.bridge.bridge_services import CycleRequests
-from aerarm_ros.ros.bridge.hardware_bridge import BridgeStreams, Command
+from aerarm_ros.ros.bridge.hardware_bridge import Command, HardwareBridge
 from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.graph import DuplicatePublisherWatch
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -167,10 +167,7 @@ class RecordingWatch:
         self._node = node
         self._start_ns = start_ns
         self._until_ns: int | None = None
-        topic = topics.RECORDED_UNTIL
-        self._subscription = node.create_subscription(
-            topic.type, topic.name, self._on_time, topic.qos
-        )
+        self._subscription = topics.RECORDED_UNTIL.subscription(node, self._on_time)
 
     def is_behind(self, now_ns: int) -> bool:
         """Return whether the recorder is more than 0.5 s behind the simulation time `now_ns`."""
@@ -215,12 +212,11 @@ class WorldClock:
     """
 
     def __init__(self, node: Node) -> None:
-        topic = topics.CLOCK
         self._node = node
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._publisher = topics.CLOCK.publisher(node)
         self._due = 0
         self._serialized = b''
-        self._duplicates = DuplicatePublisherWatch(node, topic, _ADVICE)
+        self._duplicates = DuplicatePublisherWatch(node, topics.CLOCK, _ADVICE)
 
     def publish(self, now_ns: int) -> None:
         """Publish the simulation time `now_ns` [ns] if 5 ms have passed since the last message."""
@@ -277,6 +273,9 @@ _ALONE = ('aligning', 'homing', 'ready')
 _SLICE = 0.005  # [s] between two checks for requests
 _EAGER = 0.001  # [s]
 _REPEAT = 0.05  # [s] between two copies of a state, for nodes that missed the first
+_CYCLES_OF_A_WAIT = 10  # reports of the bridge between two copies
+_STILL = 0.05  # [rad/s] largest speed of a joint at rest
+_FALL_TIME = 2.0  # [s] after which an arm without motor current has begun to fall
 
 
 class EmulatedWorld:
@@ -289,26 +288,15 @@ class EmulatedWorld:
 
     Parameters
     ----------
-    node
-        Owner of the topic /clock.
-    streams, requests
-        Sources of the bridge's commands and requests.
-    pace
-        `KEEP_UP` or `LOCKSTEP`.
-    period, patience
-        Period of the cycle, and `answer_timeout` [s].
+    bridge
+        Bridge whose parameter `pace` is `KEEP_UP` or `LOCKSTEP`.
+    boards
+        Boards of the simulated arm.
+    drone
+        Drone whose flight controller the simulation waits for, or None.
     start_ns
         Simulation time at the start [ns], zero in a new process. A bridge that is configured again
         continues at its last time.
-    is_still
-        Returns whether the arm is at rest. Its arguments are the present mode, and the simulation
-        time since the start of this mode [s].
-    republish
-        Publishes the last joint state again.
-    wait_idly
-        Called about 20 times per second during a pause.
-    drone
-        Drone whose flight controller the simulation waits for, or None.
 
     Attributes
     ----------
@@ -321,32 +309,22 @@ class EmulatedWorld:
 
     def __init__(
         self,
-        node: Node,
-        streams: BridgeStreams,
-        requests: CycleRequests,
-        pace: str,
-        period: float,
-        patience: float,
+        bridge: HardwareBridge,
+        boards: EmulatedTransport,
+        drone: FlyingDrone | None,
         start_ns: int,
-        is_still: Callable[[str, float], bool],
-        republish: Callable[[], None],
-        wait_idly: Callable[[], None],
-        drone: FlyingDrone | None = None,
     ) -> None:
-        self.loop = WorldLoop(period, self._hold, pace == KEEP_UP, start_ns)
+        pace = bridge.values.pace
+        self.loop = WorldLoop(bridge.values.period, self._hold, pace == KEEP_UP, start_ns)
         self._origin_ns = time.time_ns() - start_ns if pace == KEEP_UP else 0
-        self._clock = WorldClock(node)
-        self._logger = node.get_logger()
-        self._streams = streams
-        self._requests = requests
+        self._clock = WorldClock(bridge)
+        self._bridge, self._boards, self._drone = bridge, boards, drone
+        self._streams, self._requests = bridge.streams, bridge.requests
         self._in_lockstep = pace == LOCKSTEP
         self._watch = AnswerWatch(self.loop.period_ns, LAG[pace])
-        self._recording = RecordingWatch(node, self.now_ns())
-        self._patience = patience
-        self._is_still = is_still
-        self._republish = republish
-        self._wait_idly = wait_idly
-        self._drone = drone
+        self._recording = RecordingWatch(bridge, self.now_ns())
+        self._patience = bridge.values.answer_timeout
+        self._awake_until_ns = 0
         self._is_pausing = False
         self._mode = ''
         self._mode_since_ns = 0
@@ -370,15 +348,19 @@ class EmulatedWorld:
         return command
 
     def end_cycle(self, mode: str) -> None:
-        """Store the bridge's mode at the end of a cycle, and publish the simulation time."""
+        """Store the bridge's mode at the end of a cycle, and publish the simulation time.
+
+        The method also checks for another simulation in this ROS domain.
+        """
         if mode != self._mode:
             self._mode, self._mode_since_ns = mode, self.loop.world_ns
             self._warned.clear()
         self._clock.publish(self.now_ns())
-
-    def poll(self) -> None:
-        """Check for another simulation in this ROS domain; call this method once per cycle."""
         self._clock.poll()
+
+    def keep_awake(self, duration: float) -> None:
+        """Do not pause for `duration` [s] of simulation time, although the arm may be at rest."""
+        self._awake_until_ns = self.loop.world_ns + round(1e9 * duration)
 
     def destroy(self) -> None:
         """Destroy publisher and subscription."""
@@ -393,11 +375,7 @@ class EmulatedWorld:
         self.is_waiting = False
         if self._mode not in COMMANDABLE or self._mode == 'ready':
             self._watch.forget()  # The next command may come from another controller.
-        self._is_pausing = (
-            self._in_lockstep
-            and self._mode in _PAUSING
-            and self._is_still(self._mode, 1e-9 * (self.loop.world_ns - self._mode_since_ns))
-        )
+        self._is_pausing = self._in_lockstep and self._mode in _PAUSING and self._is_still()
         if not (self._in_lockstep and self._watch.awaits(self.now_ns())):
             self._look()  # otherwise the wait below reads it
         if self._is_pausing:
@@ -407,6 +385,17 @@ class EmulatedWorld:
             self._give_up()
         is_answered = self._watch.expects or (self._drone is not None and self._drone.expects)
         return self._in_lockstep and (is_answered or self._mode in _ALONE)
+
+    def _is_still(self) -> bool:
+        """Return whether arm and drone are at rest."""
+        cycle, now_ns = self._bridge.cycle, self.loop.world_ns
+        if cycle is None or np.abs(cycle.dq).max() > _STILL or now_ns < self._awake_until_ns:
+            return False
+        if self._drone is not None and self._drone.is_flying:
+            return False
+        # A released arm rests at first, then falls.
+        has_fallen = now_ns - self._mode_since_ns > 1e9 * _FALL_TIME
+        return self._mode not in OFF or self._boards.is_carried or has_fallen
 
     def _pause(self) -> None:
         """Pause the simulation until a command or request arrives."""
@@ -424,14 +413,10 @@ class EmulatedWorld:
     def _is_ahead(self) -> bool:
         """Return whether the simulation must wait for a controller, drone or recorder."""
         now_ns = self.now_ns()
-        if self._recording.is_behind(now_ns) or self._is_drone_behind():
+        if self._recording.is_behind(now_ns):
             return True
-        return self._is_arm_behind(now_ns)
-
-    def _is_drone_behind(self) -> bool:
-        return self._drone is not None and self._drone.is_behind()
-
-    def _is_arm_behind(self, now_ns: int) -> bool:
+        if self._drone is not None and self._drone.is_behind():
+            return True
         if not self._watch.awaits(now_ns):
             return False
         if not self._in_lockstep and self._streams.commands.publishers() < self._publishers:
@@ -456,32 +441,34 @@ class EmulatedWorld:
             if now - republished > _REPEAT:
                 republished, has_republished = now, True
                 self._republish()
-                if self._drone is not None:
-                    self._drone.republish()
-                self._clock.republish()
-                self._wait_idly()
-        self.is_waiting = self._is_alone(has_republished)
+        # A request ended the wait for a controller that has ended or does not respond.
+        self.is_waiting = self._watch.awaits(self.now_ns()) and (
+            has_republished or self._streams.commands.publishers() < self._publishers
+        )
         return True
+
+    def _republish(self) -> None:
+        """Publish state, odometry and clock again, and report as often as in some cycles."""
+        cycle = self._bridge.cycle
+        if cycle is not None:
+            self._streams.publish_joints(self.now_ns(), (cycle.q_known, cycle.dq, cycle.tau))
+        if self._drone is not None:
+            self._drone.republish()
+        self._clock.republish()
+        for _ in range(_CYCLES_OF_A_WAIT):
+            self._bridge.report()
+            self._clock.poll()
 
     def _listen(self, timeout: float) -> None:
         """Wait up to `timeout` [s] for a joint or rotor command, and read new commands."""
         drone = self._drone
-        if drone is not None and drone.is_behind() and not self._awaits_command():
+        awaits_command = self._is_pausing or self._watch.awaits(self.now_ns())
+        if drone is not None and drone.is_behind() and not awaits_command:
             drone.wait(timeout)
         elif self._streams.commands.wait(timeout):  # for a command, or while the recorder is behind
             self._look()
         if drone is not None:
             drone.look()
-
-    def _awaits_command(self) -> bool:
-        return self._is_pausing or self._watch.awaits(self.now_ns())
-
-    def _is_alone(self, has_republished: bool) -> bool:
-        """Return whether the simulation waits for a controller that ended or does not respond."""
-        commands = self._streams.commands
-        if not self._watch.awaits(self.now_ns()):
-            return False
-        return has_republished or commands.publishers() < self._publishers
 
     def _look(self) -> None:
         """Read the newest joint command, and check which joint state it answers."""
@@ -532,4 +519,4 @@ class EmulatedWorld:
     def _warn_once(self, text: str) -> None:
         if text not in self._warned:
             self._warned.add(text)
-            self._logger.warning(text)
+            self._bridge.get_logger().warning(text)

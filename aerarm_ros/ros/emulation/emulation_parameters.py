@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -119,32 +120,32 @@ PAYLOAD_RADIUS = 0.03
 
 
 def plant_parameters(
-    config: ArmConfig,
-    robot: Robot,
-    seed: int | None,
-    backlash: Sequence[float],
-    backlash_wear: float,
-    stribeck: tuple[float, float],
-    payload: Sequence[float],
+    config: ArmConfig, robot: Robot, values: SimpleNamespace, payload: Sequence[float]
 ) -> PlantParameters:
-    """Return the simulated arm's physical parameters, or raise ValueError for invalid values."""
+    """Return the simulated arm's physical parameters, or raise ValueError for invalid values.
+
+    `values` contains the values of `EMULATION_PARAMETERS`. `payload` replaces the value of the
+    parameter with this name.
+    """
     parameters = PlantParameters.nominal(config, robot)
-    if seed is not None:
-        parameters = parameters.perturbed(seed)
-    parameters = replace(parameters, stribeck=stribeck[0], stribeck_velocity=stribeck[1])
+    if values.seed >= 0:
+        parameters = parameters.perturbed(values.seed)
+    backlash, wear = values.backlash, values.backlash_wear
+    parameters = replace(
+        parameters, stribeck=values.stribeck, stribeck_velocity=values.stribeck_velocity
+    )
     if len(backlash) not in (0, 1, config.n):
         raise ValueError(
             f'the parameter backlash {list(backlash)} has {len(backlash)} values: set one value, '
             f'or one for each of the {config.n} joints'
         )
-    if backlash_wear and not len(backlash):
+    if wear and not len(backlash):
         raise ValueError(
-            f'the parameter backlash_wear is {backlash_wear:g}, but no gear has backlash: set '
-            'backlash too'
+            f'the parameter backlash_wear is {wear:g}, but no gear has backlash: set backlash too'
         )
     if len(backlash):
         of_joints = np.broadcast_to(np.array(backlash, dtype=float), (config.n,))
-        parameters = replace(parameters, backlash=of_joints, backlash_wear=backlash_wear)
+        parameters = replace(parameters, backlash=of_joints, backlash_wear=wear)
     if not payload:
         return parameters
     if len(payload) != 4 or not payload[0] >= 0.0:

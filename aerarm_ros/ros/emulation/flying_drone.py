@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from math import inf
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
 
@@ -20,7 +16,8 @@ from aerarm_ros.description.drone_urdf import BODY_LINK, IMU_LINK
 from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.hardware.emulation.emulated_transport import AnswerWatch
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
-from aerarm_ros.ros.diagnostics import rejection
+from aerarm_ros.ros.diagnostics import Rejections
+from aerarm_ros.ros.messages import fill
 from aerarm_ros.ros.states.flight_stream import RotorCommands
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.simulation.flying_plant import FlyingPlant, FreeBasePlant, MovingBasePlant
@@ -48,7 +45,7 @@ class EmulatedDrone:
         self._node = node
         self._plant = plant
         self._imu = imu
-        self._publisher = node.create_publisher(Imu, topics.IMU.name, topics.IMU.offered)
+        self._publisher = topics.IMU.publisher(node)
         self._message = Imu()
         self._imu_frame = imu_frame
         self._is_moving = False
@@ -71,23 +68,12 @@ class EmulatedDrone:
         attitude, rate, force = reading
         message = self._message
         message.header = base_header(stamp_ns, self._imu_frame)
-        fill_quaternion(message.orientation, attitude)
-        fill_vector(message.angular_velocity, rate)
-        fill_vector(message.linear_acceleration, force)
+        fill(message.orientation, attitude)
+        fill(message.angular_velocity, rate)
+        fill(message.linear_acceleration, force)
         self._publisher.publish(message)
 
 
-def fill_vector(part: Any, vector: NDArray[Any]) -> None:
-    """Copy an array of shape (3,) to the fields x, y and z of a ROS message."""
-    part.x, part.y, part.z = vector.tolist()
-
-
-def fill_quaternion(part: Any, quaternion: NDArray[Any]) -> None:
-    """Copy a quaternion (x, y, z, w) to the fields of a ROS message."""
-    part.x, part.y, part.z, part.w = quaternion.tolist()
-
-
-_REMEMBERED = 5.0  # [s] for which diagnostics show a rejection as a warning
 WORLD_FRAME = 'odom'
 
 
@@ -125,23 +111,17 @@ class FlyingDrone(EmulatedDrone):
         super().__init__(node, plant, imu, prefix + IMU_LINK)
         self._flight = plant
         self._odometry = odometry
-        topic = topics.ODOMETRY
-        self._odometry_publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._odometry_publisher = topics.ODOMETRY.publisher(node)
         self._odometry_message = Odometry()
         self._frames = prefix + WORLD_FRAME, prefix + BODY_LINK
         self._published_ns = 0
-        self._others = [
-            (node.create_publisher(topic.type, topic.name, topic.offered), sensor)
-            for topic, sensor in others
-        ]
-        topic = topics.TRUE_WALL_FORCE
+        self._others = [(topic.publisher(node), sensor) for topic, sensor in others]
         self._wall_forces = None
         if plant.wall is not None:
-            self._wall_forces = node.create_publisher(topic.type, topic.name, topic.offered)
-        self._commands = RotorCommands(node, plant.drone.rotor_names, self._reject)
+            self._wall_forces = topics.TRUE_WALL_FORCE.publisher(node)
+        self._rejections = Rejections(node)
+        self._commands = RotorCommands(node, plant.drone.rotor_names, self._rejections.add)
         self._watch = AnswerWatch(odometry.period_ns, lag)
-        self._logger = node.get_logger()
-        self._rejections, self._rejection, self._rejected_at = 0, '', -inf
 
     @property
     def is_flying(self) -> bool:
@@ -167,13 +147,13 @@ class FlyingDrone(EmulatedDrone):
         elif not is_commanded:
             level = DiagnosticStatus.WARN
             text = 'no rotor commands arrive, so the rotors stop and the drone falls'
-        if time.monotonic() - self._rejected_at < _REMEMBERED:
-            level, text = DiagnosticStatus.WARN, rejection(self._rejection)
+        if self._rejections.recent:
+            level, text = DiagnosticStatus.WARN, self._rejections.recent
         values: dict[str, object] = {
             f'{name} thrust [N]': f'{thrust:.2f}'
             for name, thrust in zip(self._flight.drone.rotor_names, rotors.thrust, strict=True)
         }
-        values['rejected commands'] = self._rejections
+        values['rejected commands'] = self._rejections.count
         return 'drone', level, text, values
 
     def update(self, mode: str, stamp_ns: int) -> None:
@@ -186,7 +166,7 @@ class FlyingDrone(EmulatedDrone):
                 publisher.publish(self._filled(Odometry(), *reading))
         if odometry is not None and self._wall_forces and self._flight.wall:
             message = WrenchStamped(header=base_header(stamp_ns, self._frames[0]))
-            fill_vector(message.wrench.force, self._flight.wall.force)
+            fill(message.wrench.force, self._flight.wall.force)
             self._wall_forces.publish(message)
         self.look()
         if odometry is not None:
@@ -249,13 +229,8 @@ class FlyingDrone(EmulatedDrone):
         pose, twist = message.pose.pose, message.twist.twist
         message.header = base_header(stamp_ns, self._frames[0])
         message.child_frame_id = self._frames[1]
-        fill_vector(pose.position, position)
-        fill_quaternion(pose.orientation, attitude)
-        fill_vector(twist.linear, velocity)
-        fill_vector(twist.angular, rate)
+        fill(pose.position, position)
+        fill(pose.orientation, attitude)
+        fill(twist.linear, velocity)
+        fill(twist.angular, rate)
         return message
-
-    def _reject(self, reason: str) -> None:
-        self._rejections += 1
-        self._rejection, self._rejected_at = reason, time.monotonic()
-        self._logger.warning(rejection(reason), throttle_duration_sec=1.0)

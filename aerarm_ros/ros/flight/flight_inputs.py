@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,6 +21,7 @@ from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
 from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, yaw_of
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.messages import inertia_tensor, quaternion, seconds, vector, wrench
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone
 
 
@@ -64,34 +66,23 @@ class ArmTopics:
     ) -> None:
         self._arm = arm
         self._act = act
-        for topic, take in (
-            (topics.ARM_INERTIA, self._on_inertia),
-            (topics.MOTION_WRENCH, self._on_motion),
-            (topics.PLANNED_CONTACT, self._on_contact),
-        ):
-            node.create_subscription(topic.type, topic.name, take, topic.qos)
+        topics.ARM_INERTIA.subscription(node, self._on_inertia)
+        topics.MOTION_WRENCH.subscription(node, partial(self._on_wrench, arm.offer_motion))
+        topics.PLANNED_CONTACT.subscription(node, partial(self._on_wrench, arm.offer_contact))
 
     def _on_inertia(self, message: InertiaStamped) -> None:
-        i = message.inertia
-        rows = [[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]
-        stamp, com, inertia = _stamp(message), _vector(i.com), np.array(rows)
-        self._act(lambda: self._arm.offer_inertia(stamp, i.m, com, inertia))
+        stamp, body = seconds(message.header.stamp), message.inertia
+        com, inertia = vector(body.com), inertia_tensor(message)
+        self._act(partial(self._arm.offer_inertia, stamp, body.m, com, inertia))
 
-    def _on_motion(self, message: WrenchStamped) -> None:
-        wrench = np.concatenate([_vector(message.wrench.force), _vector(message.wrench.torque)])
-        stamp = _stamp(message)
-        self._act(lambda: self._arm.offer_motion(stamp, wrench))
-
-    def _on_contact(self, message: WrenchStamped) -> None:
-        wrench = np.concatenate([_vector(message.wrench.force), _vector(message.wrench.torque)])
-        stamp = _stamp(message)
-        self._act(lambda: self._arm.offer_contact(stamp, wrench))
+    def _on_wrench(self, offer: Callable[[float, Array], None], message: WrenchStamped) -> None:
+        self._act(partial(offer, seconds(message.header.stamp), wrench(message)))
 
 
 def to_target(message: PoseStamped, frame: str) -> FlightTarget:
     """Return the flight target of a set point in frame `frame`; raises RejectedInputError."""
     _require_frame('flight_set_point', message.header.frame_id, frame)
-    place, turn = _vector(message.pose.position), _quaternion(message.pose.orientation)
+    place, turn = vector(message.pose.position), quaternion(message.pose.orientation)
     if not np.all(np.isfinite(place)):
         raise RejectedInputError(
             'flight_set_point rejected: its position is NaN or infinite; check its publisher'
@@ -108,11 +99,10 @@ def to_path(message: MultiDOFJointTrajectory, frame: str, start: FlightTarget) -
             f'{what} rejected: each point needs the pose of one body (the drone)'
         )
     poses = [point.transforms[0] for point in points]
-    durations = [point.time_from_start for point in points]
     return FlightPath(
-        [duration.sec + 1e-9 * duration.nanosec for duration in durations],
-        [_vector(pose.translation) for pose in poses],
-        [_yaw(what, _quaternion(pose.rotation)) for pose in poses],
+        [seconds(point.time_from_start) for point in points],
+        [vector(pose.translation) for pose in poses],
+        [_yaw(what, quaternion(pose.rotation)) for pose in poses],
         _linear([point.velocities for point in points]),
         _linear([point.accelerations for point in points]),
         start,
@@ -123,7 +113,7 @@ def _linear(rows: list[Any]) -> list[Array] | None:
     """Return the linear part of each point's twist, None if no point has a twist."""
     if not any(len(row) for row in rows):
         return None
-    return [_vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]
+    return [vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]
 
 
 def _require_frame(what: str, given: str, frame: str) -> None:
@@ -141,15 +131,3 @@ def _yaw(what: str, turn: Array) -> float:
             'quaternion; check its publisher'
         )
     return yaw_of(rotation_matrix(turn / np.linalg.norm(turn)))
-
-
-def _stamp(message: Any) -> float:
-    return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
-
-
-def _vector(part: Any) -> Array:
-    return np.array([part.x, part.y, part.z])
-
-
-def _quaternion(part: Any) -> Array:
-    return np.array([part.x, part.y, part.z, part.w])

@@ -169,13 +169,8 @@ def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProper
     """
     gains = {name: getattr(values, name) for name in vars(_GAINS)}
     if values.loops in (PX4, PX4_SITL):
-        px4 = Px4Gains.scaled(
-            values.mpc_xy_p,
-            values.mc_att_p,
-            values.mc_rate_k,
-            values.mc_yawrate_p,
-            values.mc_yaw_tq_cutoff,
-        )
+        names = ('mpc_xy_p', 'mc_att_p', 'mc_rate_k', 'mc_yawrate_p', 'mc_yaw_tq_cutoff')
+        px4 = Px4Gains.scaled(*(getattr(values, name) for name in names))
         if values.loops == PX4_SITL:
             return _px4_firmware(values, drone, body, px4, FlightGains(**gains))
         if drone.is_fully_actuated:

@@ -23,7 +23,7 @@ from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import HOLD, ArmFeedForward
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, rejection
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, Rejections
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
@@ -34,7 +34,6 @@ from aerarm_ros.ros.states.arm_clock import ArmClock
 
 _SPIN = 0.1  # [s] longest delay until a stop signal takes effect
 _ATTITUDE_AGE = 0.2  # [s]
-_REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 # [s] tolerated offset between the arm's time and this computer's, with preview and transport
 _CLOCK_TOLERANCE = 0.2
 
@@ -154,9 +153,9 @@ class SetPointNode:
         self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
         self._acceleration = set_point_acceleration(values, self.moment_unit(drone))
         self._set_point: Any = None
-        self._set_point_time = self._attitude_time = self._rejected_at = -np.inf
+        self._set_point_time = self._attitude_time = -np.inf
         self._rotation = np.eye(3)
-        self._rejection = ''
+        self._rejections = Rejections(self.node)
         # Largest advance of the arm's time since the last report [s]; a late message decreases it.
         # None without a message.
         self._ahead: float | None = None
@@ -226,7 +225,7 @@ class SetPointNode:
         try:
             self.publish(self.with_acceleration(self._set_point, added, now_ns), now_ns)
         except RejectedInputError as error:
-            self._reject(str(error))
+            self._rejections.add(str(error))
             self.publish(self._set_point, now_ns)
         else:
             self._added = added
@@ -238,7 +237,7 @@ class SetPointNode:
     def _on_attitude(self, message: Any) -> None:
         quaternion = self.attitude(message)
         if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # also rejects NaN
-            self._reject(
+            self._rejections.add(
                 'attitude rejected: a value is NaN, or the quaternion is not a unit quaternion'
             )
             return
@@ -247,7 +246,10 @@ class SetPointNode:
 
     def _on_arm(self, action: Callable[[], None]) -> None:
         before = self._arm.newest
-        self._try(action)
+        try:
+            action()
+        except RejectedInputError as error:
+            self._rejections.add(str(error))
         newest = self._arm.newest
         if newest is not None and newest != before:
             ahead = newest - 1e-9 * self._clock.now_ns()
@@ -256,28 +258,16 @@ class SetPointNode:
     def _on_parameter(self, _: str, value: Any) -> None:
         self._arm.lead = value
 
-    def _try(self, action: Any) -> None:
-        try:
-            action()
-        except RejectedInputError as error:
-            self._reject(str(error))
-
-    def _reject(self, reason: str) -> None:
-        self._rejection, self._rejected_at = reason, time.monotonic()
-        self.node.get_logger().warning(rejection(reason), throttle_duration_sec=1.0)
-
     def _report(self) -> None:
         now, values = time.monotonic(), self.values
         ahead, self._ahead = self._ahead, None
-        problem = ''
+        problem = self._rejections.recent
         if now - self._set_point_time > values.set_point_timeout:
             problem = f'no set points on {values.set_point_topic}, so the node publishes none'
         elif now - self._attitude_time > _ATTITUDE_AGE:
             problem = f'no attitude on {values.attitude_topic}, so the node adds no acceleration'
         elif ahead is not None and (late := time_problem(ahead, values.feed_lead)):
             problem = late
-        elif now - self._rejected_at < _REMEMBERED:
-            problem = rejection(self._rejection)
         report = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
         self._diagnostics.report(problem, report)
 

@@ -153,7 +153,7 @@ def test_switched_off_it_never_listens() -> None:
     np.testing.assert_array_equal(estimator.motion(0.0).specific_force, -GRAVITY)
 
 
-def test_rejected_samples_are_counted_and_change_nothing() -> None:
+def test_rejected_samples_change_nothing() -> None:
     estimator = BaseMotionEstimator(GRAVITY, 'attitude')
     estimator.offer(sample(1.0), 1.0)
     before: BaseMotion = estimator.motion(1.0)
@@ -161,8 +161,6 @@ def test_rejected_samples_are_counted_and_change_nothing() -> None:
         estimator.offer(sample(0.9, Rotation.from_euler('x', 1.0).as_quat()), 1.0)
     with pytest.raises(RejectedInputError, match='no attitude'):
         estimator.offer(sample(1.1, attitude=None), 1.1)
-    assert estimator.rejections == 2
-    assert 'no attitude' in estimator.last_rejection
     np.testing.assert_array_equal(estimator.motion(1.01).gravity, before.gravity)
 
 

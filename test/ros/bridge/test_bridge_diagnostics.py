@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -16,7 +17,8 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import CommandPublishers
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop, SteadyClock
-from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, BridgeTiming, Watched
+from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, BridgeTiming
+from aerarm_ros.ros.bridge.hardware_bridge import World
 from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
 
 PERIOD = 1e-3
@@ -40,14 +42,16 @@ class Listener:
         self.watch = PublisherWatch(node, topics.JOINT_COMMAND, publishers.look)
         timing = BridgeTiming(PeriodicLoop(PERIOD), self.stamps)
         self.rivals = DuplicatePublisherWatch(node, topics.JOINT_STATES)
-        self.watched = Watched(
-            config.joint_names,
-            self.cycle,
-            timing,
-            publishers,
-            self.watch,
-            self.rivals,
-            ZeroFile(None, config),
+        self.watched = SimpleNamespace(
+            config=config,
+            cycle=self.cycle,
+            timing=timing,
+            command_publishers=publishers,
+            publisher_watch=self.watch,
+            duplicates=self.rivals,
+            zero_file=ZeroFile(None, config),
+            record=SimpleNamespace(problem=''),
+            world=World(),
         )
 
     def wait_for(self, condition: Callable[[], bool]) -> None:

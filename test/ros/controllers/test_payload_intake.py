@@ -12,13 +12,9 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.information_filter import ball
-from aerarm_ros.ros.controllers.controller_parameters import (
-    PAYLOAD,
-    ControlledArm,
-    body_of_message,
-    inertia_message,
-)
+from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm
 from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
+from aerarm_ros.ros.messages import body_of_message, inertia_message
 from aerarm_ros.ros.states.state_stream import base_header
 
 CENTRE, INERTIA = np.array([0.1, 0.0, 0.0]), np.diag([1e-4, 2e-4, 2e-4])
@@ -27,24 +23,31 @@ Q = np.array([0.0, 0.5, 0.0, 0.3])
 
 
 class IntakeRig:
-    """An intake beside a model, in which time passes by hand."""
+    """An intake and its controller, in which time passes by hand."""
 
     def __init__(self, share: float) -> None:
         self.robot = load_robot()
         self.model, self.true = Dynamics(self.robot), Dynamics(self.robot)
         config = load_arm_config()
-        arm = ControlledArm(config, self.robot, JointLimits.from_config(config))
-        values = SimpleNamespace(hand_over=share, hand_over_mass_rate=0.2)
-        values.hand_over_centre_rate = 1.0
-        setattr(values, PAYLOAD, OWN.tolist())
-        arm.load(self.model, values)
+        self.arm = ControlledArm(config, self.robot, JointLimits.from_config(config))
+        self.values = SimpleNamespace(hand_over=share, hand_over_mass_rate=0.2)
+        self.values.hand_over_centre_rate = 1.0
+        setattr(self.values, PAYLOAD, OWN.tolist())
+        self.arm.load(self.model, self.values)
         self.now = 0.0
         self.true.carry(OWN)
-        state = ArmState(Q, np.zeros(4), np.zeros(4))
+        self.state = ArmState(Q, np.zeros(4), np.zeros(4))
         base = BaseMotion.still(self.robot.gravity_in_base)
-        self.intake = PayloadIntake(
-            arm, values, lambda: (self.now, state), self.residual, lambda _: base
-        )
+        self.base = SimpleNamespace(motion=lambda _: base)
+        self.intake = PayloadIntake(self)
+
+    @property
+    def stamp_ns(self) -> int:
+        return round(1e9 * self.now)
+
+    @property
+    def loop(self) -> SimpleNamespace:
+        return SimpleNamespace(disturbance=self.residual())
 
     def residual(self) -> np.ndarray:
         """What the observer finds, of an arm at rest."""

@@ -1,5 +1,7 @@
 """What the simulated arm is made of, as the parameters of an emulated arm have it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,15 +9,24 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport, mount_on_base
 from aerarm_ros.ros.emulation.emulation_parameters import plant_parameters
+from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.backlash_plant import BacklashPlant
 from aerarm_ros.simulation.base_profile import BASE_PROFILES
 
 CONFIG, ROBOT = load_arm_config(), load_robot()
-SMOOTH = (0.0, 0.05)  # no Stribeck friction
+
+
+def made(
+    backlash: list[float], wear: float, stribeck: tuple[float, float] = (0.0, 0.05)
+) -> PlantParameters:
+    """Return the parameters of an arm without payload, by default without Stribeck friction."""
+    values = SimpleNamespace(seed=1, backlash=backlash, backlash_wear=wear)
+    values.stribeck, values.stribeck_velocity = stribeck
+    return plant_parameters(CONFIG, ROBOT, values, [])
 
 
 def test_gears_have_the_requested_backlash() -> None:
-    parameters = plant_parameters(CONFIG, ROBOT, 1, [0.02], 1e-3, SMOOTH, [])
+    parameters = made([0.02], 1e-3)
     transport = make_emulated_transport(CONFIG, ROBOT, parameters=parameters)
     assert isinstance(transport.plant, BacklashPlant)
     np.testing.assert_array_equal(transport.plant.backlash, np.full(4, 0.02))
@@ -25,20 +36,20 @@ def test_gears_have_the_requested_backlash() -> None:
 
 
 def test_gears_have_no_backlash_by_default() -> None:
-    assert plant_parameters(CONFIG, ROBOT, 1, [], 0.0, SMOOTH, []).backlash is None
+    assert made([], 0.0).backlash is None
 
 
 def test_some_joints_alone_are_refused() -> None:
     with pytest.raises(ValueError, match='values: set one value, or one for each of the 4 joints'):
-        plant_parameters(CONFIG, ROBOT, 1, [0.02, 0.01], 0.0, SMOOTH, [])
+        made([0.02, 0.01], 0.0)
 
 
 def test_play_that_is_not_there_cannot_wear() -> None:
     with pytest.raises(ValueError, match='set backlash'):
-        plant_parameters(CONFIG, ROBOT, 1, [], 1e-3, SMOOTH, [])
+        made([], 1e-3)
 
 
 def test_stribeck_friction_is_that_of_the_parameters() -> None:
-    parameters = plant_parameters(CONFIG, ROBOT, 1, [], 0.0, (0.5, 0.03), [])
+    parameters = made([], 0.0, (0.5, 0.03))
     assert (parameters.stribeck, parameters.stribeck_velocity) == (0.5, 0.03)
     assert parameters.as_dict()['stribeck'] == 0.5
