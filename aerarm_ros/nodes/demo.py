@@ -58,7 +58,7 @@ def _run(options: argparse.Namespace) -> int:
     started = time.monotonic()
     run = DemoRun(out, options)
     try:
-        account = run.move_and_record()
+        lines = run.move_and_record()
         run.identify()
     except (DemoError, ArmClientError) as error:
         print(f'demo failed: {error}\ndemo: the results in {out} are incomplete', file=sys.stderr)
@@ -70,7 +70,7 @@ def _run(options: argparse.Namespace) -> int:
         )
         return INTERRUPTED
     marker.unlink()
-    print(*account.lines(), f'Time      {time.monotonic() - started:.0f} s', sep='\n')
+    print(*lines, f'Time      {time.monotonic() - started:.0f} s', sep='\n')
     return 0
 
 
