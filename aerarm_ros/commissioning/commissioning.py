@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from math import pi
@@ -82,35 +82,39 @@ def turn_findings(
             f'({this.name}: {this.board}, {this.channel}; {other.name}: {other.board}, '
             f'{other.channel})'
         ], {}
-    findings = []
     carried = [name for i, name in enumerate(names) if i != joint and turned[i] > _ALSO_TURNED]
-    if carried:
-        findings.append(
-            f'{this.name}: {", ".join(carried)} turned as well; repeat the turn, and hold all '
-            'other joints still'
-        )
-    travel = report.travel[joint]
-    if travel * turn * this.sign < 0.0:
-        findings.append(
-            f'{this.name}: the encoder counts in the opposite direction to the '
-            f'configuration; set sign: {-this.sign}'
-        )
-    reduction, expected = abs(travel / turn), 1.0 / this.gear.ratio
+    reduction, expected = abs(report.travel[joint] / turn), 1.0 / this.gear.ratio
     off = reduction / expected - 1.0
-    if abs(off) > RATIO_TOLERANCE:
-        findings.append(
-            f'{this.name}: the motor makes {reduction:.2f} turns per turn of the joint, but the '
-            f'configuration states {expected:.4g} ({100.0 * off:+.0f} %); correct the gear ratio, '
-            'or turn the joint by the requested angle'
-        )
-    pulses = report.span[joint] / _REVOLUTION
-    if abs(report.pulses[joint] - pulses) > _PULSES_OFF:
-        findings.append(
-            f'{this.name}: the encoder reported {report.pulses[joint]} index pulses in '
-            f'{pulses:.1f} motor turns; '
-            "check the encoder's index line"
-        )
-    return findings, {'reduction': reduction}
+    pulses, counted = report.span[joint] / _REVOLUTION, report.pulses[joint]
+    checks = (
+        (
+            bool(carried),
+            f'{", ".join(carried)} turned as well; repeat the turn, and hold all other joints '
+            'still',
+        ),
+        (
+            report.travel[joint] * turn * this.sign < 0.0,
+            'the encoder counts in the opposite direction to the configuration; set sign: '
+            f'{-this.sign}',
+        ),
+        (
+            abs(off) > RATIO_TOLERANCE,
+            f'the motor makes {reduction:.2f} turns per turn of the joint, but the configuration '
+            f'states {expected:.4g} ({100.0 * off:+.0f} %); correct the gear ratio, or turn the '
+            'joint by the requested angle',
+        ),
+        (
+            abs(counted - pulses) > _PULSES_OFF,
+            f'the encoder reported {counted} index pulses in {pulses:.1f} motor turns; check the '
+            "encoder's index line",
+        ),
+    )
+    return _failed(this.name, checks), {'reduction': reduction}
+
+
+def _failed(name: str, checks: Iterable[tuple[bool, str]]) -> Findings:
+    """Return the finding of each failed check of a joint, with the name of the joint."""
+    return [f'{name}: {finding}' for has_failed, finding in checks if has_failed]
 
 
 def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findings:
@@ -157,52 +161,34 @@ def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[
             'causes: too much friction, an open motor phase, or an object that holds the joint'
         )
         return [f'{this.name}: the motor did not move the joint; {moved}'], {}
-    findings = []
-    if others:
-        findings.append(f'{this.name}: {", ".join(others)} moved as well; check the motor phases')
-    if min(up.speed, -down.speed) < 0.5 * SPEED:
-        findings.append(
-            f'{this.name}: the joint moved at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead '
-            f'of {SPEED:+g} and {-SPEED:+g} rad/s; check the direction of the motor'
-        )
-    measured = {
-        'friction': 0.5 * effort * (up.measured - down.measured),
-        'load': 0.5 * effort * (up.measured + down.measured),
-    }
-    requested = up.requested - down.requested
+    requested, delivered = up.requested - down.requested, up.measured - down.measured
+    friction, expected = 0.5 * effort * delivered, this.coulomb + this.viscous * SPEED
+    measured = {'friction': friction, 'load': 0.5 * effort * (up.measured + down.measured)}
     if requested > 0.0:
-        measured['delivered'] = (up.measured - down.measured) / requested
-    findings += _driver_findings(this.name, measured)
-    expected = this.coulomb + this.viscous * SPEED
-    findings += _friction_findings(this.name, measured['friction'], expected)
-    return findings, measured
-
-
-def _driver_findings(name: str, measured: Measured) -> Findings:
+        measured['delivered'] = delivered / requested
     share = measured.get('delivered', 0.0)
-    low, high = _DELIVERED
-    if low <= share <= high:
-        return []
-    return [
-        f'{name}: the driver delivers {100.0 * share:.0f} % of the requested current; check the '
-        "supply voltage, the motor phases, and the board's current measurement"
-    ]
-
-
-def _friction_findings(name: str, friction: float, expected: float) -> Findings:
     low, high = (factor * expected for factor in _FRICTION)
-    if low - _FRICTION_ALLOWANCE <= friction <= high + _FRICTION_ALLOWANCE:
-        return []
-    what = (
-        'check the joint for rubbing parts'
-        if friction > expected
-        else ('check the coupling of the gear to the motor')
+    what = 'joint for rubbing parts' if friction > expected else 'coupling of the gear to the motor'
+    checks = (
+        (bool(others), f'{", ".join(others)} moved as well; check the motor phases'),
+        (
+            min(up.speed, -down.speed) < 0.5 * SPEED,
+            f'the joint moved at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead of {SPEED:+g} '
+            f'and {-SPEED:+g} rad/s; check the direction of the motor',
+        ),
+        (
+            not _DELIVERED[0] <= share <= _DELIVERED[1],
+            f'the driver delivers {100.0 * share:.0f} % of the requested current; check the supply '
+            "voltage, the motor phases, and the board's current measurement",
+        ),
+        (
+            not low - _FRICTION_ALLOWANCE <= friction <= high + _FRICTION_ALLOWANCE,
+            f'the measured friction is {friction:.3f} Nm, but the configuration states '
+            f'{expected:.3f} Nm; check the {what}, and check the configured torque constant and '
+            'gear ratio',
+        ),
     )
-    return [
-        f'{name}: the measured friction is {friction:.3f} Nm, but the configuration states '
-        f'{expected:.3f} Nm; '
-        f'{what}, and check the configured torque constant and gear ratio'
-    ]
+    return _failed(this.name, checks), measured
 
 
 def pulse_offset(
