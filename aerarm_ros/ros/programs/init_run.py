@@ -7,7 +7,7 @@ from pathlib import Path
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.draft.arm_draft import ArmDraft, IdentifiedDrives
+from aerarm_ros.draft.arm_draft import ArmDraft, read_drives
 from aerarm_ros.draft.draft_text import MARK, arm_text, excitation_text
 from aerarm_ros.excitation.design_file import write_design
 from aerarm_ros.excitation.settings import load_excitation_config
@@ -34,7 +34,7 @@ class InitRun:
         robot = load_robot(options.urdf, gravity_in_base=options.gravity, locked=options.locked)
         identified = None
         if options.estimate is not None:
-            identified = IdentifiedDrives.read(options.estimate, robot.joint_names)
+            identified = read_drives(options.estimate, robot.joint_names)
         self._is_guessed = identified is None
         self._folders: list[Path] = options.package_directory
         self._draft = ArmDraft(robot, options.name, self._folders, identified)
