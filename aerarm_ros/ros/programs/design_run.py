@@ -7,14 +7,15 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.robot import load_robot
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.design_file import designed_file
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.parallel_design import design_all
@@ -76,36 +77,59 @@ def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
     return noise
 
 
-def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
-    """Return model, limits and clearances of the packaged arm, or of the arm that `--urdf` names.
+def load_setup(
+    urdf: Path | Robot | None,
+    config: Path | None,
+    excitation_config: Path | None,
+    bias: Sequence[float] | None = None,
+    locked: Sequence[str] = (),
+    package_directories: Sequence[Path] = (),
+    limits: Mapping[str, npt.ArrayLike] | None = None,
+) -> ExcitationSetup:
+    """Return model, limits and clearances of an arm, by default of the packaged arm.
+
+    Parameters
+    ----------
+    config
+        Configuration of the arm's drives, None for the packaged arm or an arm without known drives.
+    bias
+        Centre of the motion (n,) [rad], by default that of the file `excitation_config`.
+    limits
+        `acceleration_limit`, `current_limit` and `torque_per_ampere` of an arm without known
+        drives, see `ExcitationSetup.of_robot`.
 
     Raises
     ------
     ValueError
-        If a file cannot be used, or the options contradict each other.
+        If a file cannot be used, or the arguments contradict each other.
     """
-    has_urdf = options.urdf is not None
-    if options.excitation_config or not has_urdf:
-        config = load_excitation_config(options.excitation_config)
-    else:
-        config = ExcitationConfig()
-    if options.bias:
-        config = replace(config, bias=tuple(options.bias))
-    names = ('acceleration_limit', 'current_limit', 'torque_per_ampere')
-    given = {name: values for name in names if (values := getattr(options, name)) is not None}
-    if options.config or not has_urdf:
-        if given:
-            raise ExcitationError(
-                f'--{", --".join(given).replace("_", "-")} cannot be combined with the drive-train '
-                'configuration (--config), which contains these limits: remove one of them'
-            )
-        arm = load_arm_config(options.config)
-        robot = load_robot(
-            options.urdf, gravity_in_base=arm.gravity_in_base, joint_names=arm.joint_names
+    settings = ExcitationConfig()
+    if excitation_config or urdf is None:
+        settings = load_excitation_config(excitation_config)
+    if bias is not None and len(bias):
+        settings = replace(settings, bias=tuple(float(value) for value in bias))
+    if urdf is not None and config is None:
+        robot = urdf if isinstance(urdf, Robot) else load_robot(urdf, locked=locked)
+        return ExcitationSetup.of_robot(robot, settings, package_directories, **(limits or {}))
+    if limits:
+        raise ExcitationError(
+            f'{", ".join(limits)} cannot be combined with the configuration of the drives (config),'
+            ' which contains these limits: remove one of them'
         )
-        return ExcitationSetup.of_arm(robot, arm, config, options.package_directory)
-    robot = load_robot(options.urdf, locked=options.locked)
-    return ExcitationSetup.of_robot(robot, config, options.package_directory, **given)
+    arm = load_arm_config(config)
+    if isinstance(urdf, Robot):
+        robot = urdf
+    else:
+        robot = load_robot(urdf, gravity_in_base=arm.gravity_in_base, joint_names=arm.joint_names)
+    return ExcitationSetup.of_arm(robot, arm, settings, package_directories)
+
+
+def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
+    """Return model, limits and clearances for the options of the designer, see `load_setup`."""
+    names = ('acceleration_limit', 'current_limit', 'torque_per_ampere')
+    limits = {name: values for name in names if (values := getattr(options, name)) is not None}
+    files = (options.urdf, options.config, options.excitation_config)
+    return load_setup(*files, options.bias, options.locked, options.package_directory, limits)
 
 
 NAME = 'excitation_designer'

@@ -55,7 +55,7 @@ def test_another_arm_by_its_urdf(example_urdf: Callable[[str], Path]) -> None:
 
 
 def test_limits_of_an_arm_with_a_drive_train_are_not_options() -> None:
-    with pytest.raises(ExcitationError, match='--acceleration-limit, --torque-per-ampere cannot'):
+    with pytest.raises(ExcitationError, match='acceleration_limit, torque_per_ampere cannot'):
         excitation_setup(options(acceleration_limit=[3.0], torque_per_ampere=[1.0]))
 
 
