@@ -28,7 +28,6 @@ from aerarm_ros.description.robot import STANDARD_GRAVITY
 from aerarm_ros.description.urdf_document import UrdfDocument
 from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.programs.identifier_options import pair
 
 # Topics of this suite with positions that are no measurement of the arm.
 _SUITE_TOPICS = ('tool_pose', 'tool_trajectory', 'tool_goal', 'arm_com', 'flight_set_point')
@@ -159,7 +158,7 @@ def _eye_in_hand(poses: Sequence[str], path: Path, options: argparse.Namespace) 
 def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
     document = UrdfDocument(urdf)
     known = [name for name, joint in document.joints.items() if joint.is_driven]
-    rename = dict(pair(text, '--rename', 'COLUMN=JOINT') for text in options.rename)
+    rename = dict(options.rename)
     prismatic = [name for name in known if document.joints[name].kind == 'prismatic']
     table = read_postures(path, known, options.length_unit, options.degrees, rename, prismatic)
     for name in options.ignore:
@@ -180,7 +179,7 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
         series = read_poses(path, options.sensors, options.frames)
     messages += [str(w.message) for w in caught if issubclass(w.category, BagWarning)]
     states = contents.joint_states['/' + options.topic.lstrip('/')]
-    rename = dict(pair(text, '--rename', 'COLUMN=JOINT') for text in options.rename)
+    rename = dict(options.rename)
     names = tuple(rename.get(name, name) for name in states.names)
     order = np.argsort(states.stamp, kind='stable')
     kept = np.concatenate([[True], np.diff(states.stamp[order]) > 0.0])

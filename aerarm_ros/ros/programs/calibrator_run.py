@@ -41,18 +41,8 @@ class CalibratorRun:
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
-        if not 0.0 <= options.holdout < 1.0:
-            raise CalibrationError(
-                f'--holdout {options.holdout:g} is invalid: pass a fraction of at least 0 and '
-                'below 1'
-            )
         self._options = options
         length, angle = options.tolerance
-        if not (0.0 < length < np.inf and 0.0 < angle < np.inf):
-            raise CalibrationError(
-                f'--tolerance {length:g} {angle:g} is invalid: pass two positive numbers, a length '
-                '[mm] and an angle [mrad]'
-            )
         self._choice = CalibrationOptions(
             options.level,
             not options.no_compliance,

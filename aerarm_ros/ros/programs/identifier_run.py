@@ -10,11 +10,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from aerarm_msgs_py.storage.read_limits import ReadLimits
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import STANDARD_GRAVITY, load_robot
 from aerarm_ros.identification.arm_parameters import LinkBounds
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
@@ -53,7 +51,7 @@ from aerarm_ros.ros.programs.identifier_bags import (
     bag_names,
     repeated_bags,
 )
-from aerarm_ros.ros.programs.identifier_options import pair, result_folder
+from aerarm_ros.ros.programs.identifier_options import result_folder
 
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
@@ -193,12 +191,24 @@ class RecordedArm:
                 f'{option} applies to tables (.csv, .npz) only, but all inputs are bags, which '
                 'contain stamps, joint names and angles in rad: remove the option'
             )
-        self.config = _load_config(options)
-        self.robot = _load_robot(options, self.config)
+        # The packaged configuration describes the motors of the packaged arm only.
+        is_known = options.config is not None or options.urdf is None
+        self.config = load_arm_config(options.config) if is_known else None
+        gravity = options.gravity
+        if gravity is None:
+            gravity = self.config.gravity_in_base if self.config else STANDARD_GRAVITY
+        self.robot = load_robot(options.urdf, gravity_in_base=gravity, locked=options.lock)
+        mapping = JointMapping(
+            rename=dict(options.rename),
+            prefix=options.tf_prefix,
+            ignored=tuple(options.ignore),
+            locked=tuple(options.lock),
+            effort_gain=dict(options.effort_gain),
+        )
         limits = ReadLimits(_MB * options.bag_part, options.bag_ratio)
         table = TableOptions(options.rate, options.degrees, options.numbered_from)
         self._bags = IdentifierBags(
-            options.topic, self.robot.joint_names, _mapping(options), limits, table, whole
+            options.topic, self.robot.joint_names, mapping, limits, table, whole
         )
         self.messages = self._bags.messages
         self.read: dict[str, RecordedBag] = {}
@@ -223,59 +233,9 @@ UNCALIBRATED = 0.1
 
 
 def gain_deviation(options: argparse.Namespace) -> float:
-    """Return the relative standard deviation of the effort gains from `--effort-gain-std`.
-
-    Raises
-    ------
-    IdentificationError
-        If the value of the option is not a fraction.
-    """
-    given = options.effort_gain_std
-    if given is None:
-        return UNCALIBRATED if options.effort_gain else 0.0
-    if not 0.0 <= given < 1.0:
-        raise IdentificationError(
-            f'--effort-gain-std {given} is invalid: pass a fraction from 0 to 1, for '
-            'example 0.02 for 2 %'
-        )
-    return float(given)
-
-
-def _load_config(options: argparse.Namespace) -> ArmConfig | None:
-    # The packaged configuration describes the motors of the packaged arm only.
-    if options.config is None and options.urdf is not None:
-        return None
-    return load_arm_config(options.config)
-
-
-def _load_robot(options: argparse.Namespace, config: ArmConfig | None) -> Robot:
-    gravity = options.gravity
-    if gravity is None:
-        gravity = config.gravity_in_base if config else STANDARD_GRAVITY
-    return load_robot(options.urdf, gravity_in_base=gravity, locked=options.lock)
-
-
-def _mapping(options: argparse.Namespace) -> JointMapping:
-    return JointMapping(
-        rename=dict(pair(text, '--rename') for text in options.rename),
-        prefix=options.tf_prefix,
-        ignored=tuple(options.ignore),
-        locked=tuple(options.lock),
-        effort_gain={
-            joint: _number(gain, '--effort-gain')
-            for joint, gain in (pair(text, '--effort-gain') for text in options.effort_gain)
-        },
-    )
-
-
-def _number(text: str, option: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float('nan')
-    if not np.isfinite(value) or value == 0.0:
-        raise IdentificationError(f'{option} {text} is invalid: pass a finite number except zero')
-    return value
+    """Return the relative standard deviation of the effort gains from `--effort-gain-std`."""
+    usual = UNCALIBRATED if options.effort_gain else 0.0
+    return usual if options.effort_gain_std is None else float(options.effort_gain_std)
 
 
 class IdentifierRun:
@@ -295,11 +255,6 @@ class IdentifierRun:
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
         self._stopwatch = Stopwatch()
-        if not 0.0 <= options.holdout < 1.0:
-            raise IdentificationError(
-                f'--holdout {options.holdout:g} is invalid: pass a fraction of at least 0 and '
-                'below 1'
-            )
         paths: list[Path] = [*options.bag, *options.validation, *options.payload]
         self._arm = RecordedArm(options, paths)
         self._limits = read_limits(options.verify) if options.verify else {}
@@ -388,7 +343,7 @@ class IdentifierRun:
                 exact_stamps=options.exact_stamps,
             ),
             friction=options.friction,
-            coupled=tuple(pair(text, '--coupled') for text in options.coupled),
+            coupled=tuple(options.coupled),
             solvers=tuple(options.solvers) or FAST,
             bounds=LinkBounds(
                 tuple(options.total_mass) if options.total_mass else None, options.bound_centres

@@ -31,7 +31,7 @@ from aerarm_ros.ros.controllers.friction_log import ESTIMATOR_PARAMETERS, estima
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
 from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
-from aerarm_ros.ros.programs.identifier_options import add_arm_options, pair
+from aerarm_ros.ros.programs.identifier_options import add_arm_options
 from aerarm_ros.ros.programs.identifier_run import UNCALIBRATED, RecordedArm, gain_deviation
 
 
@@ -313,8 +313,8 @@ class PayloadReplay:
             self._gain_deviation or UNCALIBRATED,
         )
         names = self._arm.robot.joint_names
-        before = dict(pair(text, '--effort-gain') for text in self._options.effort_gain)
-        old = np.array([float(before.get(name, 1.0)) for name in names])
+        before = dict(self._options.effort_gain)
+        old = np.array([before.get(name, 1.0) for name in names])
         gains, std = old * found.factors, old * found.std
         rows = zip(names, old, gains, std, strict=True)
         lines = ['Effort gain of each joint, before -> after the calibration with the known mass:']

@@ -29,12 +29,7 @@ def test_whole_periods() -> None:
 
 @pytest.mark.parametrize(
     ('duration', 'fundamental', 'message'),
-    [
-        (25.0, 0.1, 'pass 20 s or 30 s'),
-        (4.0, 0.1, 'pass 10 s$'),
-        (float('nan'), 0.1, '--duration nan is invalid'),
-        (20.0, 0.0, '--fundamental 0 is invalid'),
-    ],
+    [(25.0, 0.1, 'pass 20 s or 30 s'), (4.0, 0.1, 'pass 10 s$')],
 )
 def test_parts_of_periods_are_refused(duration: float, fundamental: float, message: str) -> None:
     with pytest.raises(ExcitationError, match=message):
