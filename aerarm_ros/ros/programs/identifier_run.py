@@ -335,13 +335,7 @@ class IdentifierRun:
         options = self._options
         _progress('identifying')
         chosen = IdentificationOptions(
-            conditioning=ConditioningOptions(
-                fundamental=options.fundamental,
-                harmonics=options.harmonics,
-                cutoff=options.cutoff,
-                filter=options.filter,
-                exact_stamps=options.exact_stamps,
-            ),
+            conditioning=_conditioning(options),
             friction=options.friction,
             coupled=tuple(options.coupled),
             solvers=tuple(options.solvers) or FAST,
@@ -417,6 +411,11 @@ class IdentifierRun:
         return replace(extras, truth=truth, truth_errors=errors)
 
 
+def _conditioning(options: argparse.Namespace) -> ConditioningOptions:
+    names = ('fundamental', 'harmonics', 'cutoff', 'filter', 'exact_stamps')
+    return ConditioningOptions(**{name: getattr(options, name) for name in names})
+
+
 def print_messages(texts: Iterable[str]) -> None:
     """Print each message on its own line of the standard error stream."""
     for text in texts:
@@ -466,15 +465,8 @@ class PayloadRun(IdentifierRun):
             if options.gravity is None:
                 robot = robot.with_gravity(read_gravity(options.model, robot))
             recordings = [self._recording(path) for path in options.payload]
-            conditioning = ConditioningOptions(
-                fundamental=options.fundamental,
-                harmonics=options.harmonics,
-                cutoff=options.cutoff,
-                filter=options.filter,
-                exact_stamps=options.exact_stamps,
-            )
             deviation = gain_deviation(options)
-            payload = weigh_payload(robot, estimate, recordings, conditioning, deviation)
+            payload = weigh_payload(robot, estimate, recordings, _conditioning(options), deviation)
             directory.write('payload.yaml', payload_yaml(estimate, payload))
             summary = {
                 'model': str(options.model),
