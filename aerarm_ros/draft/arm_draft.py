@@ -118,16 +118,11 @@ def draft_drive(
     Raises
     ------
     DescriptionError
-        If the joint is not revolute, or its effort limit is too small to hold the arm.
+        If the effort limit is too small to hold the arm.
     ConfigError
         If a limit of the URDF is invalid.
     """
     joint = robot.joints[number]
-    if joint.kind == 'prismatic':
-        raise DescriptionError(
-            f'joint {joint.name} is prismatic, but the drives are rotary: lock it with '
-            f'--locked {joint.name}'
-        )
     limits = {
         'velocity_max': (robot.velocity_max[number], _FASTEST),
         'effort_max': (robot.effort_max[number], _STRONGEST),
@@ -403,6 +398,12 @@ class ArmDraft:
         package_directories: Sequence[Path] = (),
         identified: Mapping[str, Array] | None = None,
     ) -> None:
+        for joint in robot.joints:
+            if joint.kind == 'prismatic':
+                raise DescriptionError(
+                    f'joint {joint.name} is prismatic, but the drives are rotary: lock it with '
+                    f'--locked {joint.name}'
+                )
         loads = largest_gravity_load(robot)
         drives = [
             draft_drive(robot, number, float(load), identified) for number, load in enumerate(loads)
