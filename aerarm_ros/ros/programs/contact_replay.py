@@ -25,7 +25,7 @@ from aerarm_ros.online.contact_place import ContactLocator, ContactPlace
 from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
 from aerarm_ros.online.information_filter import ball
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
-from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
+from aerarm_ros.pages.plots import StackedFigure, plotting_script
 from aerarm_ros.ros.controllers.contact_parameters import (
     CONTACT_ESTIMATOR_PARAMETERS,
     GAIN_PARAMETER,
@@ -394,7 +394,7 @@ def contact_page(
         parts.append(section('Recordings that were not searched completely', reasons))
     for number, bag in enumerate(bags):
         heading = f'{bag.recording.name} ({bag.recording.duration:.1f} s)'
-        parts.append(section(heading, _events_table(robot, bag), _figures(number, bag)))
+        parts.append(section(heading, _events_table(robot, bag), _figure(number, bag)))
     legend = bullets(
         [
             'Torque: largest change of the external torque during the event; a positive torque '
@@ -424,49 +424,28 @@ def _events_table(robot: Robot, bag: SearchedBag) -> Html:
             at = f'{place.link} ({", ".join(f"{value:.2f}" for value in place.point)})'
         if event.cause is Cause.PAYLOAD:
             force = f'{event.mass:.3g} ± {event.mass_std:.2g} kg'
-        rows.append(
-            [
-                event.begin,
-                event.end - event.begin,
-                event.cause.value,
-                robot.joint_names[event.joint],
-                float(event.torque[event.joint]),
-                event.ratio,
-                force,
-                at,
-            ]
-        )
+        times = (event.begin, event.end - event.begin)
+        torque = (float(event.torque[event.joint]), event.ratio)
+        joint = robot.joint_names[event.joint]
+        rows.append([*times, event.cause.value, joint, *torque, force, at])
     headings = ['begin [s]', 'length [s]', 'cause', 'joint', 'torque [Nm]', 'ratio']
     return table([*headings, 'force [N] or mass', 'link (contact point in link frame [m])'], rows)
 
 
-def _figures(number: int, bag: SearchedBag) -> Html:
-    step = max(1, len(bag.torque) // _PLOT_POINTS)
-    time = bag.recording.time[::step].round(4).tolist()
-    parts = []
-    for joint, name in enumerate(bag.recording.joint_names):
-        torque = bag.torque[::step, joint].round(4).tolist()
-        bound = bag.threshold[::step, joint]
-        upper = [None if not math.isfinite(value) else round(value, 4) for value in bound.tolist()]
-        lower = [None if value is None else -value for value in upper]
-        dashed = {'dash': 'dash', 'width': 1, 'color': '#999999'}
-        traces: list[dict[str, Any]] = [
-            {'x': time, 'y': torque, 'name': 'external torque', 'line': {'width': 1.5}},
-            {'x': time, 'y': upper, 'name': 'threshold', 'line': dashed},
-            {'x': time, 'y': lower, 'showlegend': False, 'line': dashed},
-        ]
-        shapes = [
-            {
-                'type': 'rect', 'xref': 'x', 'yref': 'paper', 'y0': 0, 'y1': 1, 'opacity': 0.2,
-                'x0': event.begin, 'x1': time[-1] if math.isnan(event.end) else event.end,
-                'fillcolor': _COLOUR[event.cause], 'line': {'width': 0},
-            }
-            for event in bag.events
-        ]  # fmt: skip
-        layout = {
-            'height': 240, 'template': 'none', 'title': {'text': plain_text(f'{name} [Nm]')},
-            'shapes': shapes, 'margin': {'t': 40, 'b': 30},
-            'xaxis': {'title': {'text': 'time [s]'}},
-        }  # fmt: skip
-        parts.append(figure_html(f'bag{number}-joint{joint}', traces, layout))
-    return Html(''.join(parts))
+def _figure(number: int, bag: SearchedBag) -> Html:
+    figure = StackedFigure(bag.recording.joint_names, 'Nm', most=_PLOT_POINTS)
+    for joint in range(bag.torque.shape[1]):
+        bound = bag.threshold[:, joint]
+        figure.add(joint, bag.recording.time, bag.torque[:, joint], 'external torque', 'predicted')
+        for side in (bound, -bound):
+            figure.add(joint, bag.recording.time, side, 'threshold', 'reference', 'dash')
+    last = float(bag.recording.time[-1])
+    areas = [
+        {
+            'type': 'rect', 'xref': 'x', 'yref': 'paper', 'y0': 0, 'y1': 1, 'opacity': 0.2,
+            'x0': event.begin, 'x1': last if math.isnan(event.end) else event.end,
+            'fillcolor': _COLOUR[event.cause], 'line': {'width': 0},
+        }
+        for event in bag.events
+    ]  # fmt: skip
+    return figure.html(f'bag{number}', areas)
