@@ -155,6 +155,11 @@ class DesignRun:
         self._options = options
         self._interrupted = interrupted
         self._periods = whole_periods(options.duration, options.fundamental)
+        out: Path = options.out
+        names = VALIDATION if options.validation else ()
+        self._validation_paths = {
+            name: out.with_name(f'{out.stem}_validation_{name}{out.suffix}') for name in names
+        }
         self._require_writable()
         self._began = time.monotonic()
         self._finished = 0
@@ -177,7 +182,7 @@ class DesignRun:
         """Search until all random starts are done, the time is over, or the user stops it."""
         try:
             random = self._designer.initial(0, self._is_over)
-            validation = self._validation() if self._options.validation else {}
+            validation = self._validation()
         except DesignStoppedError:
             raise DesignStoppedError(
                 f'{self._why()} before the designer found a feasible trajectory, so it wrote no '
@@ -275,7 +280,7 @@ class DesignRun:
         """Return a slow and a fast random trajectory for validation, with output files as keys."""
         results = {}
         highest = self._specification.setup.config.highest_frequency
-        for name, path in self._validation_paths().items():
+        for name, path in self._validation_paths.items():
             fundamental = VALIDATION[name] * self._options.fundamental
             # Elastic vibrations of the arm limit the highest frequency of a motion.
             harmonics = min(self._options.harmonics, int(highest / fundamental + 1e-9))
@@ -292,40 +297,24 @@ class DesignRun:
             results[path] = specification, result
         return results
 
-    def _validation_paths(self) -> dict[str, Path]:
-        out: Path = self._options.out
-        return {
-            name: out.with_name(f'{out.stem}_validation_{name}{out.suffix}') for name in VALIDATION
-        }
-
     def _require_writable(self) -> None:
         """Raise ExcitationError before the long search if an output file cannot be written."""
-        paths = [self._options.out]
-        if self._options.preview:
-            paths.append(self._options.preview)
-        if self._options.validation:
-            paths += self._validation_paths().values()
+        options = self._options
+        paths = [options.out, *filter(None, [options.preview]), *self._validation_paths.values()]
         if len({path.absolute() for path in paths}) < len(paths):
             raise ExcitationError('--out and --preview name the same file: pass different files')
-        existing = [path for path in paths if path.is_file()]
-        if existing and not self._options.overwrite:
-            raise ExcitationError(
-                f'{existing[0]} already exists: name another file with '
-                f'{"--preview" if existing[0] == self._options.preview else "--out"}, or pass '
-                '--overwrite'
-            )
         for path in paths:
             if path.is_dir():
                 raise ExcitationError(f'{path} is a folder: pass the name of a file')
-            trial = path.with_name(f'{path.name}.{os.getpid()}.tmp')
-            try:
-                trial.touch()
-                trial.unlink()
-            except OSError as error:
+            if path.is_file() and not options.overwrite:
                 raise ExcitationError(
-                    f'{path} cannot be written ({error.strerror}): check the folder and its '
-                    'permissions'
-                ) from None
+                    f'{path} already exists: name another file with '
+                    f'{"--preview" if path == options.preview else "--out"}, or pass --overwrite'
+                )
+            if not os.access(path.parent, os.W_OK):
+                raise ExcitationError(
+                    f'{path} cannot be written: check the folder and its permissions'
+                )
 
     def _save(self, result: DesignResult, path: Path, specification: DesignSpecification) -> None:
         # As many periods as the requested duration has, but at least one.
@@ -335,19 +324,17 @@ class DesignRun:
     def _report(self, result: DesignResult, best: DesignResult, random: DesignResult) -> None:
         compared = result.quality.compared_with(random.quality, 'the random trajectory')
         leader = 'random' if best is random else f'start {best.start}'
-        self._print(
-            f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; '
-            f'best so far: {leader}{self._remark(result)}'
-        )
-
-    def _remark(self, result: DesignResult) -> str:
         remarks = [result.remark] if result.remark else []
         if result.stopped and not self._interrupted():
             remarks.append(
                 f'start {result.start} stopped after {result.seconds:.0f} s, when its part of '
                 '--time-limit was over: pass a larger limit'
             )
-        return f' ({"; ".join(remarks)})' if remarks else ''
+        remark = f' ({"; ".join(remarks)})' if remarks else ''
+        self._print(
+            f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; best so far: '
+            f'{leader}{remark}'
+        )
 
     def _print(self, text: str) -> None:
         self._progress.close()
