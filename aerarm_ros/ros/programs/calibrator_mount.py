@@ -149,12 +149,8 @@ def _summary(mount: MountResult, imu: ImuResult | None) -> dict[str, Any]:
 
 
 def _plain(pose: FramePose) -> dict[str, Any]:
-    return {
-        'position': pose.position.tolist(),
-        'rpy': pose.rpy.tolist(),
-        'position_std': pose.position_std.tolist(),
-        'rotation_std': pose.rotation_std.tolist(),
-    }
+    names = ('position', 'rpy', 'position_std', 'rotation_std')
+    return {name: getattr(pose, name).tolist() for name in names}
 
 
 def _html(rows: list[tuple[str, str]]) -> str:

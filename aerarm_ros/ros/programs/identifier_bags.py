@@ -117,7 +117,7 @@ class IdentifierBags:
         notes: list[str] = []
         others = [self._in_namespace(topic) for topic in (_COMMAND, _MODE, _DIAGNOSTICS)]
         try:
-            with _collected_warnings(notes):
+            with collected_warnings(notes):
                 others.append(f'/{_DIAGNOSTICS}')
                 contents = read_contents(path, self._topic, others, _MAX_STATES, self._limits)
         except BagError as error:
@@ -236,7 +236,7 @@ def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
 
 
 @contextlib.contextmanager
-def _collected_warnings(texts: list[str]) -> Iterator[None]:
+def collected_warnings(texts: list[str]) -> Iterator[None]:
     """Append warnings about a bag from a `with` block to `texts`, even after an error."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
