@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from aerarm_ros.description.drone_config import PoseConfig, load_drone_config
 from aerarm_ros.description.robot import read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.pages.html_text import origin, page, paragraph, section, table
+from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.calibrator_input import FlightRecording, read_flight
 from aerarm_ros.ros.programs.identifier_options import result_folder
 
@@ -89,8 +89,9 @@ class MountRun:
         values = flight.imu
         unchanged = f'{DRONE} keeps the pose of the IMU from the input file {self._source.name}'
         if values is None:
-            _print(
-                f'the bag has no IMU samples on {self._options.imu} (--imu), therefore {unchanged}'
+            print_notice(
+                'calibrator',
+                f'the bag has no IMU samples on {self._options.imu} (--imu), therefore {unchanged}',
             )
             return None
         try:
@@ -98,7 +99,9 @@ class MountRun:
                 flight.drone, values.stamp, values.angular_velocity, values.linear_acceleration
             )
         except CalibrationError as error:
-            _print(f'{unchanged}, because the calibration of the IMU failed: {error}')
+            print_notice(
+                'calibrator', f'{unchanged}, because the calibration of the IMU failed: {error}'
+            )
             return None
 
     def _mount(self, flight: FlightRecording) -> MountResult:
@@ -160,7 +163,3 @@ def _html(rows: list[tuple[str, str]]) -> str:
 
 def _numbers(values: Any, digits: int) -> str:
     return ', '.join(f'{float(value):.{digits}f}' for value in values)
-
-
-def _print(text: str) -> None:
-    print(f'calibrator: {text}', file=sys.stderr)

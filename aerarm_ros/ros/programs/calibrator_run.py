@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.description.robot import read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.calibrator_input import find_chain, joined, read_input, to_observations
 from aerarm_ros.ros.programs.identifier_options import result_folder
 
@@ -90,13 +90,13 @@ class CalibratorRun:
                 f'these joints do not move {chain.link}, so the calibrator ignores them: '
                 f'{", ".join(chain.ignored)}'
             )
-        _print(mapping)
+        print_notice('calibrator', *mapping)
         if options.holdout > 0.0:
             observations, rest = _divided(observations, options.holdout)
             held_out.insert(0, HeldOut('held out', rest))
         result = calibrate(chain, observations, held_out, self._choice)
         result.messages[:0] = [text for one in training for text in one.messages]
-        _print(result.messages)
+        print_notice('calibrator', *result.messages)
         return result, mapping
 
     def _write(
@@ -124,8 +124,3 @@ def _divided(observations: Observations, share: float) -> tuple[Observations, Ob
         )
     order = np.random.default_rng(_SEED).permutation(count)
     return observations.rows(np.sort(order[out:])), observations.rows(np.sort(order[:out]))
-
-
-def _print(texts: Iterable[str]) -> None:
-    for text in texts:
-        print(f'calibrator: {text}', file=sys.stderr)

@@ -34,7 +34,7 @@ from aerarm_ros.ros.controllers.contact_parameters import (
     contact_settings,
     read_residuals,
 )
-from aerarm_ros.ros.process.process_end import USER_ERROR, print_error
+from aerarm_ros.ros.process.process_end import USER_ERROR, print_error, print_notice
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
 from aerarm_ros.ros.programs.identifier_options import add_arm_options
 from aerarm_ros.ros.programs.identifier_run import RecordedArm
@@ -245,8 +245,7 @@ class ContactReplay:
             for failure in list(self.failures.values())[:-1]:
                 print_error(self._name, failure)
             raise self.failures.popitem()[1]
-        for message in self._recorded.messages:
-            print(f'{self._name}: {message}', file=sys.stderr)
+        print_notice(self._name, *self._recorded.messages)
         return bags
 
     def _search_one(self, path: Path, bound: ResidualBound) -> SearchedBag:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,6 +45,7 @@ from aerarm_ros.identification.recording.recording import BagFacts, JointMapping
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.solvers import FAST
+from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.identifier_bags import (
     IdentifierBags,
     RecordedBag,
@@ -93,6 +94,7 @@ def write_result(
     return notes
 
 
+_NAME = 'identifier'
 _NAME_WIDTH = 13
 _ROLES = ('identification', 'validation')
 
@@ -280,10 +282,10 @@ class IdentifierRun:
         ) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
-            print_messages(result.warnings)
+            print_notice(_NAME, *result.warnings)
             payload = self._payload(result)
             self._write(result, payload, directory)
-        print_replaced(directory)
+        _print_replaced(directory)
         lines = [terminal_table(result, self._arm.facts())]
         lines.append(exports_text(self._exports, validation or identification))
         if payload is not None:
@@ -361,7 +363,7 @@ class IdentifierRun:
         known = len(self._arm.messages)
         with self._stopwatch.stage('reading'):
             recordings = [self._recording(path) for path in self._options.payload]
-        print_messages(self._arm.messages[known:])
+        print_notice(_NAME, *self._arm.messages[known:])
         result.warnings.extend(self._arm.messages[known:])
         with self._stopwatch.stage('payload'):
             return identify_payload(result, recordings, gain_deviation(self._options))
@@ -372,7 +374,7 @@ class IdentifierRun:
         _progress('writing the report')
         with self._stopwatch.stage('writing'):
             extras = replace(self._extras(result), payload=payload)
-            print_messages(write_result(result, directory, extras))
+            print_notice(_NAME, *write_result(result, directory, extras))
         self._exports = extras.exports
         seconds = self._stopwatch.seconds
         summary = summarise(
@@ -416,21 +418,14 @@ def _conditioning(options: argparse.Namespace) -> ConditioningOptions:
     return ConditioningOptions(**{name: getattr(options, name) for name in names})
 
 
-def print_messages(texts: Iterable[str]) -> None:
-    """Print each message on its own line of the standard error stream."""
-    for text in texts:
-        print(f'identifier: {text}', file=sys.stderr)
-
-
-def print_replaced(directory: ResultDirectory) -> None:
-    """Print a message if the new result replaced an earlier result in the same folder."""
+def _print_replaced(directory: ResultDirectory) -> None:
     if directory.replaced:
-        print_messages([f'{directory.target}: the new result replaced an earlier result'])
+        print_notice(_NAME, f'{directory.target}: the new result replaced an earlier result')
 
 
 def _progress(text: str) -> None:
     if sys.stderr.isatty():
-        print(f'identifier: {text} ...', file=sys.stderr)
+        print_notice(_NAME, f'{text} ...')
 
 
 _FILES = ('payload.yaml', MARKER)
@@ -473,8 +468,8 @@ class PayloadRun(IdentifierRun):
                 'payload': {'mass': payload.mass, 'mass_standard_deviation': float(payload.std[0])},
             }
             directory.write_json(MARKER, summary)
-            print_messages(self._arm.messages)
-        print_replaced(directory)
+            print_notice(_NAME, *self._arm.messages)
+        _print_replaced(directory)
         return (
             f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg\n'
             f'{directory.target / "payload.yaml"}'

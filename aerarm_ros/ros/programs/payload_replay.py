@@ -29,7 +29,13 @@ from aerarm_ros.online.payload_estimator import (
 from aerarm_ros.online.replay import KnownArm, LoadChange, Replay, unexplained_torque
 from aerarm_ros.ros.controllers.friction_log import ESTIMATOR_PARAMETERS, estimator_settings
 from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
+from aerarm_ros.ros.process.process_end import (
+    INTERRUPTED,
+    USER_ERROR,
+    StopSignals,
+    print_error,
+    print_notice,
+)
 from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
 from aerarm_ros.ros.programs.identifier_options import add_arm_options
 from aerarm_ros.ros.programs.identifier_run import UNCALIBRATED, RecordedArm, gain_deviation
@@ -284,8 +290,7 @@ class PayloadReplay:
             changes = replay.play(recording)
             text = _changes_text(changes, replay.knocks)
             lines.append(f'{recording.name}: {recording.duration:.1f} s, {text}')
-        for message in self._recorded.messages:
-            print(f'payload_estimator: {message}', file=sys.stderr)
+        print_notice('payload_estimator', *self._recorded.messages)
         last = None if replay is None else replay.estimate
         assert last is not None
         payload = last.payload.with_scale_deviation(self._gain_deviation)
