@@ -166,8 +166,7 @@ class ViewFeed:
         self._powers = RawReader(node, topics.MOTOR_POWER)
         self._power_cdr = Float64ArrayCdr(n)
         self._row = np.full((len(ROWS), n), np.nan)
-        # Reception times of states, commands, motors and powers.
-        self._received_at = np.full(4, -np.inf)
+        self._received_at = np.full(8, -np.inf)  # reception times of the first rows
         self._odometry: Odometry | None = None
         if has_base:
             topic = topics.ODOMETRY
@@ -222,20 +221,14 @@ class ViewFeed:
 
     def _take_rest(self, now: float) -> None:
         command, motors = self._commands.newest(), self._motors.newest()
-        if command is not None:
-            self._row[3:6] = command
-            self._received_at[1] = now
-        if motors is not None:
-            self._row[6] = motors[2]
-            self._received_at[2] = now
+        current = None if motors is None else motors[2]
         message = self._powers.take_newest()
         power = None if message is None else self._power_cdr.unpack(message[0])
-        if power is not None:
-            self._row[7] = power
-            self._received_at[3] = now
-        old = now - self._received_at[1:] > _STALE
-        self._row[3:6][:, :] = np.nan if old[0] else self._row[3:6]
-        self._row[6:8][old[1:]] = np.nan
+        for rows, values in ((slice(3, 6), command), (6, current), (7, power)):
+            if values is not None:
+                self._row[rows] = values
+                self._received_at[rows] = now
+        self._row[3:8][now - self._received_at[3:8] > _STALE] = np.nan
 
     def _take_windows(self) -> None:
         """Store the minima and maxima of all time windows received since the last sample."""
