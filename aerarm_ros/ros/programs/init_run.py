@@ -80,19 +80,12 @@ class InitRun:
             if not config.check_clearance:
                 written = 'check_clearance: false, so motions are NOT checked for collisions'
             print(f'arm init: warning: {draft.problem}. The written files contain {written}')
+        files = f'-p config:={self._arm_file} -p urdf:={self._urdf}'
+        folders = ', '.join(f'"{folder.resolve()}"' for folder in self._folders)
+        meshes = f" -p 'package_directories:=[{folders}]'" if folders else ''
         print(
             'Try the files on emulated boards. Run each line in a separate terminal:\n'
-            f'  fake_hardware --ros-args {self._parameters()}\n'
+            f'  fake_hardware --ros-args {files}\n'
             '  arm home --wait-before unhomed --wait ready\n'
-            f'  excitation --ros-args {self._parameters()} -p '
-            f'excitation_config:={self._excitation_file}{self._package_parameter()}'
+            f'  excitation --ros-args {files} -p excitation_config:={self._excitation_file}{meshes}'
         )
-
-    def _parameters(self) -> str:
-        return f'-p config:={self._arm_file} -p urdf:={self._urdf}'
-
-    def _package_parameter(self) -> str:
-        if not self._folders:
-            return ''
-        folders = ', '.join(f'"{folder.resolve()}"' for folder in self._folders)
-        return f" -p 'package_directories:=[{folders}]'"
