@@ -289,9 +289,8 @@ def _matrices(quaternion: Array) -> Array:
     from scipy.spatial.transform import Rotation
 
     found = np.full((len(quaternion), 3, 3), np.nan)
-    seen = np.isfinite(quaternion).all(axis=1) & (
-        np.linalg.norm(np.nan_to_num(quaternion), axis=1) > 0.5
-    )
+    norm = np.linalg.norm(quaternion, axis=1)
+    seen = np.isfinite(norm) & (norm > 0.5)
     found[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
     return found
 

@@ -79,8 +79,12 @@ class MountRun:
             directory.write(DRONE, text)
             load_drone_config(directory.path(DRONE))  # an unreadable file discards the result
             rows = self._rows(mount, imu)
-            directory.write_json(MARKER, _summary(mount, imu))
-            directory.write(REPORT, _html(rows))
+            found: dict[str, Any] = {'mount': _plain(mount.pose), 'joint_states_late': mount.late}
+            if imu is not None:
+                found |= {'imu': _plain(imu.pose), 'imu_late': imu.late}
+            directory.write_json(MARKER, found)
+            body = [paragraph(_NOTE, 'lead'), section('Poses', table(['quantity', 'value'], rows))]
+            directory.write(REPORT, page('Calibration of mount and IMU', '', body, origin()))
         lines = [f'{name}: {value}' for name, value in rows]
         return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
 
@@ -144,21 +148,9 @@ def _pose_rows(name: str, pose: FramePose, drawn: PoseConfig) -> list[tuple[str,
     ]
 
 
-def _summary(mount: MountResult, imu: ImuResult | None) -> dict[str, Any]:
-    found: dict[str, Any] = {'mount': _plain(mount.pose), 'joint_states_late': mount.late}
-    if imu is not None:
-        found |= {'imu': _plain(imu.pose), 'imu_late': imu.late}
-    return found
-
-
 def _plain(pose: FramePose) -> dict[str, Any]:
     names = ('position', 'rpy', 'position_std', 'rotation_std')
     return {name: getattr(pose, name).tolist() for name in names}
-
-
-def _html(rows: list[tuple[str, str]]) -> str:
-    body = [paragraph(_NOTE, 'lead'), section('Poses', table(['quantity', 'value'], rows))]
-    return page('Calibration of mount and IMU', '', body, origin())
 
 
 def _numbers(values: Any, digits: int) -> str:
