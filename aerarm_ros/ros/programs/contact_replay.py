@@ -36,7 +36,7 @@ from aerarm_ros.ros.controllers.contact_parameters import (
 )
 from aerarm_ros.ros.process.process_end import USER_ERROR, print_error, print_notice
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
-from aerarm_ros.ros.programs.identifier_options import add_arm_options
+from aerarm_ros.ros.programs.identifier_options import Option, add_arm_options, table_parser
 from aerarm_ros.ros.programs.identifier_run import RecordedArm
 from aerarm_ros.ros.programs.payload_replay import (
     add_parameters,
@@ -88,37 +88,26 @@ def contact_replay(name: str, arguments: Sequence[str]) -> int:
     return run_replay(replay_parser(name), name, arguments, run, 'nothing was written')
 
 
+_OPTIONS: tuple[Option, ...] = (
+    ('--bag', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'recordings to search for contact of the moving or resting arm: bags, .csv and .npz files'),
+    ('--free', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'recordings without contact and payload, from which the program learns the contact '
+        'thresholds'),
+    ('--residuals', {'type': Path, 'metavar': 'FILE'},
+        f'file {RESIDUALS} with the contact thresholds of an earlier run, instead of --free'),
+    ('--model', {'type': Path, 'metavar': 'FILE'},
+        'identified model of the arm, estimate.yaml (default: the model in the URDF)'),
+    ('--payload', {'nargs': 4, 'type': float, 'metavar': ('KG', 'X', 'Y', 'Z')},
+        'payload that the arm carries in all recordings of --bag: mass [kg], and centre of mass in '
+        'the frame of the last joint [m] (default: no payload)'),
+    ('--out', {'type': Path, 'metavar': 'DIR'}, f'folder for {REPORT} and {RESIDUALS}'),
+)  # fmt: skip
+
+
 def replay_parser(name: str) -> OneLineParser:
     """Return the parser of the options of `contact_estimator --bag`."""
-    parser = OneLineParser(prog=name, description='Find contact in recordings.')
-    parser.add_argument(
-        '--bag', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
-        help='recordings to search for contact of the moving or resting arm: bags, .csv and .npz '
-             'files',
-    )  # fmt: skip
-    parser.add_argument(
-        '--free', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
-        help='recordings without contact and payload, from which the program learns the contact '
-             'thresholds',
-    )  # fmt: skip
-    parser.add_argument(
-        '--residuals', type=Path, metavar='FILE',
-        help=f'file {RESIDUALS} with the contact thresholds of an earlier run, instead of --free',
-    )  # fmt: skip
-    parser.add_argument(
-        '--model',
-        type=Path,
-        metavar='FILE',
-        help='identified model of the arm, estimate.yaml (default: the model in the URDF)',
-    )
-    parser.add_argument(
-        '--payload', nargs=4, type=float, metavar=('KG', 'X', 'Y', 'Z'),
-        help='payload that the arm carries in all recordings of --bag: mass [kg], and centre of '
-             'mass in the frame of the last joint [m] (default: no payload)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--out', type=Path, metavar='DIR', help=f'folder for {REPORT} and {RESIDUALS}'
-    )
+    parser = table_parser(name, 'Find contact in recordings.', _OPTIONS)
     add_arm_options(parser)
     add_parameters(parser, _PARAMETERS)
     return parser

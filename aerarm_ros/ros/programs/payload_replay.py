@@ -37,7 +37,7 @@ from aerarm_ros.ros.process.process_end import (
     print_notice,
 )
 from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
-from aerarm_ros.ros.programs.identifier_options import add_arm_options
+from aerarm_ros.ros.programs.identifier_options import Option, add_arm_options, table_parser
 from aerarm_ros.ros.programs.identifier_run import UNCALIBRATED, RecordedArm, gain_deviation
 
 
@@ -48,17 +48,27 @@ def main() -> int:
     return (show_trend if is_trend else replay)(name, given)
 
 
+_TREND_OPTIONS: tuple[Option, ...] = (
+    ('--trend', {'type': Path, 'required': True, 'metavar': 'FILE'},
+        'file that payload_estimator writes if its parameter friction_file is set'),
+)  # fmt: skip
+_OPTIONS: tuple[Option, ...] = (
+    ('--bag', {'nargs': '+', 'type': Path, 'required': True, 'metavar': 'DIR'},
+        'recordings in chronological order: rosbag2 folders, or .mcap, .db3, .csv, .npz and ROS 1 '
+        '.bag files. In the first recording the arm must start without payload'),
+    ('--model', {'type': Path, 'metavar': 'FILE'},
+        'identified model of the arm, estimate.yaml (default: the model in the URDF)'),
+    ('--out', {'type': Path, 'metavar': 'DIR'}, 'folder for the results; needs --model'),
+    ('--known-mass', {'type': float, 'metavar': 'KG'},
+        'mass that the arm carries in all bags; the program calibrates the effort gains with this '
+        'mass instead of estimating a payload; needs --model'),
+)  # fmt: skip
+
+
 def show_trend(name: str, arguments: Sequence[str]) -> int:
     """Print the friction trend; return 0, or 2 if the user must check an input."""
-    parser = OneLineParser(
-        prog=name, description='Print how the joint friction has changed over days and weeks.'
-    )
-    parser.add_argument(
-        '--trend',
-        type=Path,
-        required=True,
-        metavar='FILE',
-        help='file that payload_estimator writes if its parameter friction_file is set',
+    parser = table_parser(
+        name, 'Print how the joint friction has changed over days and weeks.', _TREND_OPTIONS
     )
     options = parser.parse_args(arguments)
     try:
@@ -148,30 +158,8 @@ def run_replay(
 
 def replay_parser(name: str) -> OneLineParser:
     """Return the parser of the options of `payload_estimator --bag`."""
-    parser = OneLineParser(
-        prog=f'{name} --bag', description='Estimate the payload from bags instead of topics.'
-    )
-    parser.add_argument(
-        '--bag', nargs='+', type=Path, required=True, metavar='DIR', action='extend',
-        help=(
-            'recordings in chronological order: rosbag2 folders, or .mcap, .db3, .csv, .npz and '
-            'ROS 1 .bag files. In the first recording the arm must start without payload'
-        ),
-    )  # fmt: skip
-    parser.add_argument(
-        '--model',
-        type=Path,
-        metavar='FILE',
-        help='identified model of the arm, estimate.yaml (default: the model in the URDF)',
-    )
-    parser.add_argument(
-        '--out', type=Path, metavar='DIR', help='folder for the results; needs --model'
-    )
-    parser.add_argument(
-        '--known-mass', type=float, metavar='KG',
-        help='mass that the arm carries in all bags; the program calibrates the effort gains '
-             'with this mass instead of estimating a payload; needs --model',
-    )  # fmt: skip
+    description = 'Estimate the payload from bags instead of topics.'
+    parser = table_parser(f'{name} --bag', description, _OPTIONS)
     add_arm_options(parser)
     add_parameters(parser, ESTIMATOR_PARAMETERS, measured=_NOISE)
     return parser
