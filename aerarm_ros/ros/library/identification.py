@@ -39,7 +39,12 @@ from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import bullets, paragraph
-from aerarm_ros.ros.programs.identifier_bags import IdentifierBags, bag_names, repeated_bags
+from aerarm_ros.ros.programs.identifier_bags import (
+    IdentifierBags,
+    bag_names,
+    hold_out,
+    repeated_bags,
+)
 from aerarm_ros.ros.programs.identifier_run import RESULT_FILES, terminal_table, write_result
 
 
@@ -387,14 +392,12 @@ def identify(
         for word, group in zip(('motion', 'validation motion'), groups, strict=True)
     )
     reader.messages += repeated_bags(*paths)
-    if holdout > 0.0:
-        second += [bag.part(1.0 - holdout, 1.0, ' [held out]') for bag in first]
-        first = [bag.part(0.0, 1.0 - holdout, ' [identified]') for bag in first]
+    first, held_out = hold_out(first, holdout)
     chosen = options or IdentificationOptions()
     if cutoff is not None:
         chosen = replace(chosen, conditioning=replace(chosen.conditioning, cutoff=cutoff))
     stopwatch = Stopwatch()
-    result = run(robot, arm, first, second, chosen, stopwatch)
+    result = run(robot, arm, first, second + held_out, chosen, stopwatch)
     result.warnings[:0] = reader.messages
     return IdentifiedArm(result, stopwatch.seconds)
 

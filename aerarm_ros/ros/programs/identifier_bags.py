@@ -184,6 +184,16 @@ def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
     }
 
 
+def hold_out(recordings: list[Recording], share: float) -> tuple[list[Recording], list[Recording]]:
+    """Divide each recording; return the first parts, and the last parts with this share."""
+    if share == 0.0:
+        return recordings, []
+    cut = 1.0 - share
+    names = f' [first {100 * cut:g} %]', f' [last {100 * share:g} %]'
+    first = [recording.part(0.0, cut, names[0]) for recording in recordings]
+    return first, [recording.part(cut, 1.0, names[1]) for recording in recordings]
+
+
 def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) -> list[str]:
     """Return warnings about bags that the options name more than once."""
     notes = [

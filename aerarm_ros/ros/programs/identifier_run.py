@@ -50,6 +50,7 @@ from aerarm_ros.ros.programs.identifier_bags import (
     IdentifierBags,
     RecordedBag,
     bag_names,
+    hold_out,
     repeated_bags,
 )
 from aerarm_ros.ros.programs.identifier_options import result_folder
@@ -101,18 +102,13 @@ _ROLES = ('identification', 'validation')
 
 def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
     """Return a table with the largest torque error, over the bags, of the model in each file."""
-    lines = [f'Low-passed torque error [%] on {_names(judged)}, of the model in each written file']
+    bags = judged[0].name if len(judged) == 1 else f'the worst of {len(judged)} bags'
+    lines = [f'Low-passed torque error [%] on {bags}, of the model in each written file']
     width = max((len(error.file) for error in exports), default=0)
     for error in exports:
         worst = max(error.filtered[-len(judged) :])
         lines.append(f'{error.file.ljust(width)}  {worst:6.2f}  {error.contents}')
     return '\n'.join(lines)
-
-
-def _names(judged: Sequence[Recording]) -> str:
-    if len(judged) == 1:
-        return judged[0].name
-    return f'the worst of {len(judged)} bags'
 
 
 def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) -> str:
@@ -134,10 +130,9 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
             f'{bag.filtered:.2f} / {bag.filtered_measured:.2f} ({bag.raw:.2f})'.rjust(width)
             for bag in (*solution.identification, *solution.validation)
         ]
-        consistent = (
-            '' if solution.estimate.physically_consistent else ('  not physically consistent')
-        )
-        lines.append(name.ljust(_NAME_WIDTH) + ''.join(cells) + consistent)
+        if not solution.estimate.physically_consistent:
+            cells.append('  not physically consistent')
+        lines.append(name.ljust(_NAME_WIDTH) + ''.join(cells))
     if result.gravity is not None and result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
@@ -319,13 +314,8 @@ class IdentifierRun:
             identification = [self._recording(path) for path in self._options.bag]
             validation = [self._recording(path) for path in self._options.validation]
         self._arm.messages += repeated_bags(self._options.bag, self._options.validation)
-        share = self._options.holdout
-        if share > 0.0:
-            cut = 1.0 - share
-            first, last = f' [first {100 * cut:g} %]', f' [last {100 * share:g} %]'
-            validation += [recording.part(cut, 1.0, last) for recording in identification]
-            identification = [recording.part(0.0, cut, first) for recording in identification]
-        return identification, validation
+        identification, held_out = hold_out(identification, self._options.holdout)
+        return identification, validation + held_out
 
     def _recording(self, path: Path) -> Recording:
         _progress(f'reading {self._arm.name(path)}')
