@@ -229,17 +229,12 @@ class PayloadReplay:
         if self._measures_noise:
             options.torque_noise = EstimatorSettings.torque_noise
         check_parameters(options, ESTIMATOR_PARAMETERS)
-        if options.out and not options.model:
-            raise IdentificationError(
-                'the files of --out contain the identified arm with its payload: pass the '
-                'identified arm with --model'
-            )
         self._gain_deviation = gain_deviation(options)
-        if options.known_mass is not None and not options.model:
-            raise IdentificationError(
-                '--known-mass calibrates the effort gains of an identified arm: pass the '
-                'identified arm with --model'
-            )
+        for name in ('out', 'known_mass'):
+            if getattr(options, name) is not None and not options.model:
+                raise IdentificationError(
+                    f'{_option(name)} needs an identified arm: pass its estimate.yaml with --model'
+                )
         self._recorded = RecordedArm(options, options.bag)
         self._arm, self._estimate = known_arm(self._recorded, options)
 
