@@ -177,14 +177,7 @@ def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> Calibrato
 def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
     messages: list[str] = []
     with collected_warnings(messages):
-        contents = read_contents(path, options.topic, most=_MAX_STATES)
-        series = read_poses(path, options.sensors, options.frames)
-    states = contents.joint_states['/' + options.topic.lstrip('/')]
-    rename = dict(options.rename)
-    names = tuple(rename.get(name, name) for name in states.names)
-    _, order = np.unique(states.stamp, return_index=True)
-    order = order[np.isfinite(states.position[order]).all(axis=1)]
-    recording = JointRecording(names, states.stamp[order], states.position[order])
+        recording, series, clock = _read_contents(path, options, options.sensors)
     used = {name: one for name, one in series.items() if _is_sensor(name, one, options)}
     # robot_state_publisher computes the frames of the links from the joint positions.
     links = [] if options.frames else sorted(
@@ -192,7 +185,7 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
     )  # fmt: skip
     for name in links:
         del used[name]
-    tracks = [_track(name, one, states.stamp[0], states.log_time[0]) for name, one in used.items()]
+    tracks = [_track(name, one, *clock) for name, one in used.items()]
     if not tracks:
         listed = ', '.join(f'{name} ({one.kind})' for name, one in series.items()) or 'none'
         raise CalibrationError(
@@ -206,7 +199,24 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
             'frames, name it with --frames'
         )
     mapping += [f'{"marker" if t.rotation is None else "pose"}: {t.name}' for t in tracks]
-    return CalibratorInput(path, names, recording, tracks, mapping, messages)
+    return CalibratorInput(path, recording.names, recording, tracks, mapping, messages)
+
+
+def _read_contents(
+    path: Path, options: argparse.Namespace, sensors: Sequence[str]
+) -> tuple[JointRecording, dict[str, PoseSeries], tuple[float, float]]:
+    """Return a bag's joint states and poses, and time stamp and reception time of the first state.
+
+    The joint states have increasing stamps and finite positions.
+    """
+    contents = read_contents(path, options.topic, most=_MAX_STATES)
+    series = read_poses(path, sensors, options.frames)
+    states, rename = contents.joint_states['/' + options.topic.lstrip('/')], dict(options.rename)
+    _, order = np.unique(states.stamp, return_index=True)
+    order = order[np.isfinite(states.position[order]).all(axis=1)]
+    names = tuple(rename.get(name, name) for name in states.names)
+    recording = JointRecording(names, states.stamp[order], states.position[order])
+    return recording, series, (float(states.stamp[0]), float(states.log_time[0]))
 
 
 @dataclass(eq=False)
@@ -237,10 +247,8 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
     BagError, CalibrationError
         If the bag cannot be read, or does not contain the drone's pose.
     """
-    contents = read_contents(path, options.topic, most=_MAX_STATES)
-    states = contents.joint_states['/' + options.topic.lstrip('/')]
     sensors = [options.drone_pose, options.imu, *options.sensors] if options.sensors else []
-    series = read_poses(path, sensors, options.frames)
+    joints, series, clock = _read_contents(path, options, sensors)
     name, imu_name = ('/' + text.lstrip('/') for text in (options.drone_pose, options.imu))
     pose = series.pop(name, None) or series.pop(options.drone_pose, None)
     if pose is None or pose.kind == IMU or not np.isfinite(pose.quaternion).all():
@@ -252,9 +260,7 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
         )
     imu = series.pop(imu_name, None)
     used = {key: one for key, one in series.items() if _is_sensor(key, one, options)}
-    clock = float(states.stamp[0]), float(states.log_time[0])
     markers = [_track(key, one, *clock) for key, one in used.items()]
-    joints = JointRecording(states.names, states.stamp, states.position)
     return FlightRecording(
         joints,
         _track(name, pose, *clock),

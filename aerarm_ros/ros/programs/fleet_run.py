@@ -299,26 +299,19 @@ def find_bags(given: Sequence[Path]) -> list[Path]:
 
 
 def _bags_of(path: Path) -> Iterator[Path]:
-    if path.suffix == _LIST and path.is_file():
+    if (path / 'metadata.yaml').is_file():
+        yield path
+    elif path.is_dir():
+        for entry in sorted(path.iterdir()):
+            if entry.is_dir() or entry.suffix.lower() in _BAG_FILES:
+                yield from _bags_of(entry)
+    elif path.suffix == _LIST and path.is_file():
         lines = [line.strip() for line in path.read_text(encoding='utf-8').splitlines()]
         for line in lines:
             if line and not line.startswith('#'):
                 yield from _bags_of(path.parent / line)
     elif path.is_file():
         yield path
-    elif path.is_dir():
-        yield from _bags_in(path)
     elif glob.has_magic(str(path)):
         for match in sorted(glob.glob(str(path), recursive=True)):
             yield from _bags_of(Path(match))
-
-
-def _bags_in(folder: Path) -> Iterator[Path]:
-    if (folder / 'metadata.yaml').is_file():
-        yield folder
-        return
-    for entry in sorted(folder.iterdir()):
-        if entry.is_dir():
-            yield from _bags_in(entry)
-        elif entry.suffix.lower() in _BAG_FILES:
-            yield entry
