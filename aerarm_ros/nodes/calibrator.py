@@ -124,11 +124,11 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_ros.calibration.observations import CalibrationError
     from aerarm_ros.description.config_reader import ConfigError, DescriptionError
     from aerarm_ros.identification.errors import IdentificationError
-    from aerarm_ros.ros.programs.calibrator_mount import MountRun
-    from aerarm_ros.ros.programs.calibrator_run import CalibratorRun
+    from aerarm_ros.ros.programs.calibrator_mount import calibrate_on_drone
+    from aerarm_ros.ros.programs.calibrator_run import calibrate_arm
 
     try:
-        print((MountRun if options.mount else CalibratorRun)(options).execute())
+        print((calibrate_on_drone if options.mount else calibrate_arm)(options))
     except (
         BagError,
         CalibrationError,
