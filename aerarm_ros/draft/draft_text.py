@@ -160,7 +160,7 @@ def excitation_text(draft: ArmDraft, source: str) -> str:
     lines = [*_comment(head), '']
     for item in fields(draft.excitation):
         value = getattr(draft.excitation, item.name)
-        lines += _about({item.name: _EXCITATION_ADVICE[item.name]}, names=False)
+        lines += _comment(_EXCITATION_ADVICE[item.name])
         mark = MARK if item.name in _EXCITATION_GUESSES else ''
         lines.append(_line('', item.name, _value(value), mark))
     return '\n'.join(lines) + '\n'
@@ -181,11 +181,8 @@ def _entries(indent: str, config: Any, known: Collection[str] = ()) -> list[str]
     ]
 
 
-def _about(advice: dict[str, str], names: bool = True) -> list[str]:
-    lines: list[str] = []
-    for key, text in advice.items():
-        lines += _comment(f'{key}: {text}' if names else text, hanging='  ' if names else '')
-    return lines
+def _about(advice: dict[str, str]) -> list[str]:
+    return [line for key, text in advice.items() for line in _comment(f'{key}: {text}', '  ')]
 
 
 def _comment(text: str, hanging: str = '') -> list[str]:
