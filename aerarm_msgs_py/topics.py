@@ -67,14 +67,6 @@ class Topic:
         """
         return _keep_last(self.qos.depth, ReliabilityPolicy.RELIABLE, self.qos.durability)
 
-    def publisher(self, node: Any) -> Any:
-        """Create a publisher of the topic on a node."""
-        return node.create_publisher(self.type, self.name, self.offered)
-
-    def subscription(self, node: Any, callback: Callable[[Any], object]) -> Any:
-        """Create a subscription to the topic on a node."""
-        return node.create_subscription(self.type, self.name, callback, self.qos)
-
     @property
     def type_name(self) -> str:
         """ROS name of the message type, for example 'sensor_msgs/msg/JointState'."""

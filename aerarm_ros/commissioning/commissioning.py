@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,35 +82,39 @@ def turn_findings(
             f'({this.name}: {this.board}, {this.channel}; {other.name}: {other.board}, '
             f'{other.channel})'
         ], {}
-    findings = []
     carried = [name for i, name in enumerate(names) if i != joint and turned[i] > _ALSO_TURNED]
-    if carried:
-        findings.append(
-            f'{this.name}: {", ".join(carried)} turned as well; repeat the turn, and hold all '
-            'other joints still'
-        )
-    travel = report.travel[joint]
-    if travel * turn * this.sign < 0.0:
-        findings.append(
-            f'{this.name}: the encoder counts in the opposite direction to the '
-            f'configuration; set sign: {-this.sign}'
-        )
-    reduction, expected = abs(travel / turn), 1.0 / this.gear.ratio
+    reduction, expected = abs(report.travel[joint] / turn), 1.0 / this.gear.ratio
     off = reduction / expected - 1.0
-    if abs(off) > RATIO_TOLERANCE:
-        findings.append(
-            f'{this.name}: the motor makes {reduction:.2f} turns per turn of the joint, but the '
-            f'configuration states {expected:.4g} ({100.0 * off:+.0f} %); correct the gear ratio, '
-            'or turn the joint by the requested angle'
-        )
-    pulses = report.span[joint] / _REVOLUTION
-    if abs(report.pulses[joint] - pulses) > _PULSES_OFF:
-        findings.append(
-            f'{this.name}: the encoder reported {report.pulses[joint]} index pulses in '
-            f'{pulses:.1f} motor turns; '
-            "check the encoder's index line"
-        )
-    return findings, {'reduction': reduction}
+    pulses, counted = report.span[joint] / _REVOLUTION, report.pulses[joint]
+    checks = (
+        (
+            bool(carried),
+            f'{", ".join(carried)} turned as well; repeat the turn, and hold all other joints '
+            'still',
+        ),
+        (
+            report.travel[joint] * turn * this.sign < 0.0,
+            'the encoder counts in the opposite direction to the configuration; set sign: '
+            f'{-this.sign}',
+        ),
+        (
+            abs(off) > RATIO_TOLERANCE,
+            f'the motor makes {reduction:.2f} turns per turn of the joint, but the configuration '
+            f'states {expected:.4g} ({100.0 * off:+.0f} %); correct the gear ratio, or turn the '
+            'joint by the requested angle',
+        ),
+        (
+            abs(counted - pulses) > _PULSES_OFF,
+            f'the encoder reported {counted} index pulses in {pulses:.1f} motor turns; check the '
+            "encoder's index line",
+        ),
+    )
+    return _failed(this.name, checks), {'reduction': reduction}
+
+
+def _failed(name: str, checks: Iterable[tuple[bool, str]]) -> Findings:
+    """Return the finding of each failed check of a joint, with the name of the joint."""
+    return [f'{name}: {finding}' for has_failed, finding in checks if has_failed]
 
 
 def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findings:
@@ -157,52 +161,34 @@ def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[
             'causes: too much friction, an open motor phase, or an object that holds the joint'
         )
         return [f'{this.name}: the motor did not move the joint; {moved}'], {}
-    findings = []
-    if others:
-        findings.append(f'{this.name}: {", ".join(others)} moved as well; check the motor phases')
-    if min(up.speed, -down.speed) < 0.5 * SPEED:
-        findings.append(
-            f'{this.name}: the joint moved at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead '
-            f'of {SPEED:+g} and {-SPEED:+g} rad/s; check the direction of the motor'
-        )
-    measured = {
-        'friction': 0.5 * effort * (up.measured - down.measured),
-        'load': 0.5 * effort * (up.measured + down.measured),
-    }
-    requested = up.requested - down.requested
+    requested, delivered = up.requested - down.requested, up.measured - down.measured
+    friction, expected = 0.5 * effort * delivered, this.coulomb + this.viscous * SPEED
+    measured = {'friction': friction, 'load': 0.5 * effort * (up.measured + down.measured)}
     if requested > 0.0:
-        measured['delivered'] = (up.measured - down.measured) / requested
-    findings += _driver_findings(this.name, measured)
-    expected = this.coulomb + this.viscous * SPEED
-    findings += _friction_findings(this.name, measured['friction'], expected)
-    return findings, measured
-
-
-def _driver_findings(name: str, measured: Measured) -> Findings:
+        measured['delivered'] = delivered / requested
     share = measured.get('delivered', 0.0)
-    low, high = _DELIVERED
-    if low <= share <= high:
-        return []
-    return [
-        f'{name}: the driver delivers {100.0 * share:.0f} % of the requested current; check the '
-        "supply voltage, the motor phases, and the board's current measurement"
-    ]
-
-
-def _friction_findings(name: str, friction: float, expected: float) -> Findings:
     low, high = (factor * expected for factor in _FRICTION)
-    if low - _FRICTION_ALLOWANCE <= friction <= high + _FRICTION_ALLOWANCE:
-        return []
-    what = (
-        'check the joint for rubbing parts'
-        if friction > expected
-        else ('check the coupling of the gear to the motor')
+    what = 'joint for rubbing parts' if friction > expected else 'coupling of the gear to the motor'
+    checks = (
+        (bool(others), f'{", ".join(others)} moved as well; check the motor phases'),
+        (
+            min(up.speed, -down.speed) < 0.5 * SPEED,
+            f'the joint moved at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead of {SPEED:+g} '
+            f'and {-SPEED:+g} rad/s; check the direction of the motor',
+        ),
+        (
+            not _DELIVERED[0] <= share <= _DELIVERED[1],
+            f'the driver delivers {100.0 * share:.0f} % of the requested current; check the supply '
+            "voltage, the motor phases, and the board's current measurement",
+        ),
+        (
+            not low - _FRICTION_ALLOWANCE <= friction <= high + _FRICTION_ALLOWANCE,
+            f'the measured friction is {friction:.3f} Nm, but the configuration states '
+            f'{expected:.3f} Nm; check the {what}, and check the configured torque constant and '
+            'gear ratio',
+        ),
     )
-    return [
-        f'{name}: the measured friction is {friction:.3f} Nm, but the configuration states '
-        f'{expected:.3f} Nm; '
-        f'{what}, and check the configured torque constant and gear ratio'
-    ]
+    return _failed(this.name, checks), measured
 
 
 def pulse_offset(
@@ -219,6 +205,11 @@ def pulse_offset(
     return None if angle is None else (home_angle + angle) % _REVOLUTION
 
 
+_SKIPPED = 'skipped by the user'
+_NO_PULSE = (
+    'homing needs the angle of the index pulse, but the bridge located no index pulse between two '
+    'consecutive frames. Turn the joint slowly, check the load of this computer, and repeat'
+)
 _TURN = 0.5 * np.pi  # [rad] angle by which a person turns a joint, measured with a set square
 _TURN_MIN = 0.5
 _LIMIT_MARGIN = 0.05  # [rad] minimum distance between the turned joint and its position limit
@@ -241,173 +232,23 @@ class Prompt:
     hand: tuple[str, float] | None = None
 
 
-class CommissioningStep(ABC):
-    """Step in the commissioning of a joint (abstract base class).
-
-    Attributes
-    ----------
-    kind
-        Requested action of the bridge: 'watch', 'drive' or 'off'; see `ProbeRequest`.
-    number
-        Counter, increased to make the bridge start the action again.
-    prompt
-        Instruction to confirm, None if there is none.
-    findings, measured
-        Problems found in this step, and values measured in it.
-    is_done
-        Whether the step is finished.
-    is_fatal
-        Whether a problem makes the remaining steps of this joint useless.
-    """
-
-    kind = WATCH
-
-    def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
-        self.number = 0
-        self.prompt: Prompt | None = None
-        self.findings: Findings = []
-        self.measured: Measured = {}
-        self.is_done = self.is_fatal = False
-        self._config, self._robot, self._joint = config, robot, joint
-        self._name = config.joint_names[joint]
-
-    @abstractmethod
-    def update(self, report: ProbeReport) -> None:
-        """Process the bridge's answer to the last request of this step."""
-
-    def answer(self, yes: bool) -> None:
-        """Process the person's answer to the prompt."""
-        self.prompt = None
-        if not yes:
-            self.findings.append(f'{self._name}: skipped by the user')
-            self._end()
-
-    def _end(self, fatal: bool = False) -> None:
-        self.is_done, self.is_fatal = True, fatal
-
-
-class BoardStep(CommissioningStep):
-    """Step that checks whether the joint's board answers."""
-
-    def update(self, report: ProbeReport) -> None:
-        """Finish the step as soon as the bridge reports."""
-        if report.phase != 'watching':
-            problem = report.reason or f'the bridge is {report.mode}'
-        else:
-            problem = report.boards[self._joint]
-        if not problem and report.mode == 'fault':
-            problem = "the bridge is in fault: see its log, then 'arm clear_fault'"
-        if problem:
-            self.findings.append(f'{self._name}: {problem}')
-        self._end(bool(problem))
-
-
-class TurnStep(CommissioningStep):
-    """Step in which a person turns the joint by a known angle and back while all motors are off.
-
-    The turn identifies the encoder's channel, its direction, the gear ratio, and the angles of its
-    index pulses.
-    """
-
-    def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
-        super().__init__(config, robot, joint)
-        home = config.rest_position[joint]
-        self._turn = turn = _turn(config, joint)
-        self._home_angle = float(
-            DriveTrain(config).joint_to_motor_position(np.array(config.rest_position))[joint]
-        )
-        self._prompts = [
-            Prompt(
-                f'Motors are off. Put {self._name} at its home configuration, {home:.4g} rad, '
-                'as exactly as you can.',
-                (self._name, home),
-            ),
-            Prompt(
-                f'Turn {self._name} by {np.degrees(turn):+.0f} degrees, to {home + turn:.4g} '
-                'rad, within 3 degrees, and keep it at that angle: '
-                f'{_direction(config, robot, joint, turn)}.',
-                (self._name, home + turn),
-            ),
-            Prompt(f'Turn {self._name} back to {home:.4g} rad.', (self._name, home)),
-        ]
-        self._stage = 0
-        self._is_confirmed = False
-        self._ask()
-
-    def answer(self, yes: bool) -> None:
-        """Process the person's answer; the bridge's next report then completes the turn."""
-        super().answer(yes)
-        self._is_confirmed = yes
-        if yes and self._stage == 0:
-            self.number += 1  # make the bridge restart its count at the present angle
-
-    def update(self, report: ProbeReport) -> None:
-        """Evaluate the turn of the joint after the person has confirmed the prompt."""
-        if not self._is_confirmed or self.is_done:
-            return
-        if report.phase != 'watching':
-            self.findings.append(f'{self._name}: {report.reason or "the bridge stopped to watch"}')
-            self._end(fatal=True)
-            return
-        self._is_confirmed = False
-        if self._stage == 1:
-            self._judge_turn(report)
-        elif self._stage == 2:
-            self.findings += return_findings(self._config, self._joint, report)
-            self._end()
-        if not self.is_done:
-            self._stage += 1
-            self._ask()
-
-    def _judge_turn(self, report: ProbeReport) -> None:
-        findings, measured = turn_findings(self._config, self._joint, self._turn, report)
-        self.findings += findings
-        self.measured |= measured
-        if not measured:  # another motor's encoder moved, so the gear ratio is undetermined
-            self._end(fatal=True)
-            return
-        offset = pulse_offset(self._config, self._joint, self._home_angle, report)
-        if offset is not None:
-            self.measured['pulse_offset'] = offset
-        elif not findings:
-            self.findings.append(
-                f'{self._name}: homing needs the angle of the index pulse, but the bridge located '
-                'no index pulse between two consecutive frames. Turn the joint slowly, check the '
-                'load '
-                'of this computer, and repeat'
-            )
-
-    def _ask(self) -> None:
-        self.prompt = self._prompts[self._stage]
-
-
-class DriveStep(CommissioningStep):
-    """Step in which the motor turns its joint back and forth at low torque and speed."""
-
-    def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
-        super().__init__(config, robot, joint)
-        self.prompt = Prompt(
-            f'The motor of {self._name} aligns its rotor now, then turns the joint by {REACH:g} '
-            'rad to '
-            'both sides. A second person must hold the weight of the arm. Keep all hands away from '
-            f'{self._name}: THE ARM MOVES. Drive the motor?'
-        )
-
-    def answer(self, yes: bool) -> None:
-        """Process the person's answer; the answer yes starts the motor."""
-        super().answer(yes)
-        if yes:
-            self.kind = DRIVE
-            self.number += 1
-
-    def update(self, report: ProbeReport) -> None:
-        """Evaluate the motion of the motor after the motion has ended."""
-        if self.kind != DRIVE or report.phase not in ('done', 'failed'):
-            return
-        findings, measured = drive_findings(self._config, self._joint, report)
-        self.findings += findings
-        self.measured |= measured
-        self._end()
+def turn_prompts(config: ArmConfig, robot: Robot, joint: int) -> list[Prompt]:
+    """Return the three prompts by which a person turns a joint by a known angle and back."""
+    name, home = config.joint_names[joint], config.rest_position[joint]
+    turn = _turn(config, joint)
+    return [
+        Prompt(
+            f'Motors are off. Put {name} at its home configuration, {home:.4g} rad, as exactly as '
+            'you can.',
+            (name, home),
+        ),
+        Prompt(
+            f'Turn {name} by {np.degrees(turn):+.0f} degrees, to {home + turn:.4g} rad, within 3 '
+            f'degrees, and keep it at that angle: {_direction(config, robot, joint, turn)}.',
+            (name, home + turn),
+        ),
+        Prompt(f'Turn {name} back to {home:.4g} rad.', (name, home)),
+    ]
 
 
 def _turn(config: ArmConfig, joint: int) -> float:
@@ -443,7 +284,9 @@ def _axis(vector: NDArray[np.float64]) -> str:
     return f'{"+" if vector[along] > 0.0 else "-"}{"xyz"[along]}'
 
 
-_STEPS = (BoardStep, TurnStep, DriveStep)
+# Findings and measured values of a step, and whether its findings make further steps of the joint
+# useless. The step yields a prompt to receive the person's answer, or None to receive a report.
+_Step = Generator[Prompt | None, Any, tuple[Findings, Measured, bool]]
 
 
 class Commissioning:
@@ -474,6 +317,10 @@ class Commissioning:
         Record with the results of all joints finished so far.
     news
         Lines to print for the person, in order: started joints, findings and results.
+    prompt
+        Instruction that the person must confirm; None while the bridge works.
+    is_done
+        Whether all joints are finished, or the client has ended the procedure.
     """
 
     def __init__(
@@ -486,84 +333,122 @@ class Commissioning:
     ) -> None:
         self.record = record
         self.news: list[str] = []
-        self._config = config
-        self._client = client
-        self._steps: list[tuple[int, list[CommissioningStep]]] = [
-            (joint, [make(config, robot, joint) for make in _STEPS]) for joint in joints
-        ]
-        self._at = 0
-        self._done: list[CommissioningStep] = []
-        self._is_ended = False
-        self._begin_joint()
-
-    @property
-    def is_done(self) -> bool:
-        """Whether all joints are finished, or the client has ended the procedure."""
-        return self._is_ended or not self._steps
-
-    @property
-    def prompt(self) -> Prompt | None:
-        """Instruction that the person must confirm; None while the bridge works."""
-        step = self._step
-        return None if step is None else step.prompt
+        self.prompt: Prompt | None = None
+        self.is_done = False
+        self._config, self._robot, self._client = config, robot, client
+        for joint in joints:
+            _turn(config, joint)  # raises ValueError if the joint cannot turn
+        self._name, self._kind, self._number = '', WATCH, 0
+        self._now = datetime.now().astimezone()
+        self._procedure = self._run(joints)
+        self._continue(None)
 
     @property
     def request(self) -> ProbeRequest:
         """Current request to the bridge; the client sends this request at 10 Hz or more."""
-        step = self._step
-        if step is None:
+        if self.is_done:
             return ProbeRequest(f'{self._client}:end', OFF)
-        name = self._config.joint_names[self._steps[0][0]]
-        return ProbeRequest(f'{self._client}:{self._at}.{step.number}', step.kind, name)
+        return ProbeRequest(f'{self._client}:{self._number}', self._kind, self._name)
 
     def answer(self, yes: bool) -> None:
         """Process a person's answer to the prompt."""
-        step = self._step
-        if step is not None and step.prompt is not None:
-            step.answer(yes)
-            self._go_on()
+        if self.prompt is not None:
+            self._continue(yes)
 
     def update(self, now: datetime, report: ProbeReport) -> None:
         """Process a report of the bridge; reports on earlier requests are ignored."""
-        step = self._step
-        if step is None or report.id != self.request.id:
-            return
-        step.update(report)
-        self._go_on(now)
+        self._now = now
+        if self.prompt is None and not self.is_done and report.id == self.request.id:
+            self._continue(report)
 
     def end(self) -> None:
         """End the procedure without a result for the current joint, and stop the bridge."""
-        self._is_ended = True
+        self.is_done, self.prompt = True, None
 
-    @property
-    def _step(self) -> CommissioningStep | None:
-        return None if self.is_done else self._steps[0][1][0]
+    def _continue(self, received: bool | ProbeReport | None) -> None:
+        """Continue the procedure until it needs the next answer or report."""
+        try:
+            self.prompt = self._procedure.send(received)
+        except StopIteration:
+            self.end()
 
-    def _begin_joint(self) -> None:
-        if self._steps:
-            self._done = []
-            self.news.append(f'{self._config.joint_names[self._steps[0][0]]}:')
+    def _run(self, joints: Sequence[int]) -> Generator[Prompt | None, Any, None]:
+        for joint in joints:
+            self._name = self._config.joint_names[joint]
+            self.news.append(f'{self._name}:')
+            findings: Findings = []
+            measured: Measured = {}
+            for step in (self._check_board, self._turn_by_hand, self._drive):
+                self._request(WATCH)
+                found, values, is_fatal = yield from step(joint)
+                self.news += found
+                findings += found
+                measured |= values
+                if is_fatal:
+                    break
+            self._finish(joint, findings, measured)
 
-    def _go_on(self, now: datetime | None = None) -> None:
-        step = self._step
-        if step is None or not step.is_done:
-            return
-        joint, steps = self._steps[0]
-        steps.pop(0)
-        self._at += 1
-        self._done.append(step)
-        self.news += step.findings
-        if steps and not step.is_fatal:
-            return
-        self._finish(joint, now or datetime.now().astimezone())
-        self._steps.pop(0)
-        self._begin_joint()
+    def _request(self, kind: str) -> None:
+        """Make the bridge start an action, even if it is the same action again."""
+        self._kind, self._number = kind, self._number + 1
 
-    def _finish(self, joint: int, now: datetime) -> None:
-        findings = [finding for step in self._done for finding in step.findings]
-        measured = {key: value for step in self._done for key, value in step.measured.items()}
+    def _check_board(self, joint: int) -> _Step:
+        """Check whether the joint's board answers."""
+        report = yield None
+        if report.phase != 'watching':
+            problem = report.reason or f'the bridge is {report.mode}'
+        else:
+            problem = report.boards[joint]
+        if not problem and report.mode == 'fault':
+            problem = "the bridge is in fault: see its log, then 'arm clear_fault'"
+        return _failed(self._name, [(bool(problem), problem)]), {}, bool(problem)
+
+    def _turn_by_hand(self, joint: int) -> _Step:
+        """Let a person turn the joint by a known angle and back while all motors are off.
+
+        The turn identifies the encoder's channel, its direction, the gear ratio, and the angles of
+        its index pulses.
+        """
+        config, findings, measured = self._config, Findings(), Measured()
+        for number, prompt in enumerate(turn_prompts(config, self._robot, joint)):
+            if not (yield prompt):
+                return [*findings, f'{self._name}: {_SKIPPED}'], measured, False
+            if number == 0:
+                self._request(WATCH)  # the bridge restarts its count at the present angle
+            report = yield None
+            if report.phase != 'watching':
+                reason = report.reason or 'the bridge stopped to watch'
+                return [*findings, f'{self._name}: {reason}'], measured, True
+            if number == 1:
+                findings, measured = turn_findings(config, joint, _turn(config, joint), report)
+                if not measured:  # another motor's encoder moved: the gear ratio is undetermined
+                    return findings, measured, True
+                home = DriveTrain(config).joint_to_motor_position(np.array(config.rest_position))
+                offset = pulse_offset(config, joint, float(home[joint]), report)
+                if offset is not None:
+                    measured['pulse_offset'] = offset
+                elif not findings:
+                    findings = [f'{self._name}: {_NO_PULSE}']
+        return findings + return_findings(config, joint, report), measured, False
+
+    def _drive(self, joint: int) -> _Step:
+        """Let the motor turn its joint back and forth at low torque and speed."""
+        is_confirmed = yield Prompt(
+            f'The motor of {self._name} aligns its rotor now, then turns the joint by {REACH:g} '
+            'rad to both sides. A second person must hold the weight of the arm. Keep all hands '
+            f'away from {self._name}: THE ARM MOVES. Drive the motor?'
+        )
+        if not is_confirmed:
+            return [f'{self._name}: {_SKIPPED}'], {}, False
+        self._request(DRIVE)
+        report = yield None
+        while report.phase not in ('done', 'failed'):
+            report = yield None
+        return *drive_findings(self._config, joint, report), False
+
+    def _finish(self, joint: int, findings: Findings, measured: Measured) -> None:
+        name, now = self._name, self._now
         entry = JointRecord.of(self._config.joints[joint], now, findings, measured)
-        name = self._config.joint_names[joint]
         self.record = replace(self.record, date=now, joints={**self.record.joints, name: entry})
         values = ', '.join(f'{key} {value:.4g}' for key, value in entry.measured.items())
         verdict = 'passed' if entry.passed else 'NOT passed'

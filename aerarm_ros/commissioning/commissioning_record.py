@@ -66,10 +66,21 @@ class JointRecord:
         """Whether the joint passed commissioning."""
         return not self.findings
 
-    @property
-    def has_pulse_offset(self) -> bool:
-        """Whether the angle of the joint's index pulses was measured."""
-        return 'pulse_offset' in self.measured
+    def changed_key(self, joint: JointConfig) -> str:
+        """Return a configuration key whose value has changed since commissioning, or ''."""
+        for key, value in _configuration(joint).items():
+            if abs(self.configuration.get(key, np.inf) - value) > _SAME * abs(value):
+                return key
+        return ''
+
+    def problem(self, joint: JointConfig) -> str:
+        """Return why the joint must be commissioned again; '' if it is commissioned."""
+        if self.findings:
+            return f'did not pass commissioning ({self.findings[0]})'
+        if 'pulse_offset' not in self.measured:
+            return 'commissioned without an angle of the index pulse (pulse_offset)'
+        key = self.changed_key(joint)
+        return f'commissioned with another {key}' if key else ''
 
 
 @dataclass(frozen=True)
@@ -102,46 +113,20 @@ class CommissioningRecord:
             )
         if self.emulated and not emulated:
             return f'the commissioning record belongs to an emulated arm: {_ADVICE}'
-        names = config.joint_names
-        missing = [name for name in names if name not in self.joints]
-        if missing:
-            return f'{", ".join(missing)} not commissioned: {_ADVICE}'
-        failed = [name for name in names if not self.joints[name].passed]
-        if failed:
-            finding = self.joints[failed[0]].findings[0]
-            return f'{", ".join(failed)} did not pass commissioning ({finding}): {_ADVICE}'
-        bare = [name for name in names if not self.joints[name].has_pulse_offset]
-        if bare:
-            return (
-                'the commissioning record has no angle of the index pulse (pulse_offset) for '
-                f'{", ".join(bare)}: {_ADVICE}'
-            )
+        names: dict[str, list[str]] = {}
         for joint in config.joints:
-            key = self.changed_key(joint)
-            if key:
-                return f'{key} of {joint.name} has changed since the commissioning: {_ADVICE}'
-        return ''
-
-    def changed_key(self, joint: JointConfig) -> str:
-        """Return a configuration key whose value has changed since commissioning, or ''."""
-        then, now = self.joints[joint.name].configuration, _configuration(joint)
-        changed = [
-            key
-            for key, value in now.items()
-            if abs(then.get(key, np.inf) - value) > _SAME * abs(value)
-        ]
-        return next(iter(changed), '')
+            names.setdefault(self._joint_problem(joint), []).append(joint.name)
+        names.pop('', None)
+        texts = [f'{", ".join(group)} {problem}' for problem, group in names.items()]
+        return f'{"; ".join(texts)}: {_ADVICE}' if texts else ''
 
     def open_joints(self, config: ArmConfig) -> list[int]:
         """Return the numbers of the joints that still must be commissioned."""
-        return [
-            i
-            for i, joint in enumerate(config.joints)
-            if joint.name not in self.joints
-            or not self.joints[joint.name].passed
-            or not self.joints[joint.name].has_pulse_offset
-            or self.changed_key(joint)
-        ]
+        return [i for i, joint in enumerate(config.joints) if self._joint_problem(joint)]
+
+    def _joint_problem(self, joint: JointConfig) -> str:
+        entry = self.joints.get(joint.name)
+        return 'not commissioned' if entry is None else entry.problem(joint)
 
     def pulse_offset(self, config: ArmConfig) -> NDArray[np.float64]:
         """Return the angle of each motor at its encoder's index pulse, modulo a turn, (n,) [rad].
@@ -152,8 +137,8 @@ class CommissioningRecord:
         offsets = np.zeros(config.n)
         for i, joint in enumerate(config.joints):
             entry = self.joints.get(joint.name)
-            if entry is not None and entry.has_pulse_offset and not self.changed_key(joint):
-                offsets[i] = entry.measured['pulse_offset']
+            if entry is not None and not entry.changed_key(joint):
+                offsets[i] = entry.measured.get('pulse_offset', 0.0)
         return offsets
 
     def with_prefix(self, prefix: str) -> CommissioningRecord:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,60 +44,45 @@ _RANGE, _VELOCITY, _LOAD_FACTOR = 3.14, 2.0, 3.0
 _WIDEST, _FASTEST, _STRONGEST = 12.6, 20.0, 1000.0
 
 GEAR = 'guessed'
-# Fields of `JointConfig` that a URDF may provide; all other fields are guesses.
-OF_URDF = ('position_min', 'position_max', 'velocity_max', 'effort_max', 'viscous', 'coulomb')
+_IDENTIFIED = ('viscous', 'coulomb', 'rotor_inertia')
 
 
-@dataclass(frozen=True, eq=False)
-class IdentifiedDrives:
-    """Friction and rotor inertia of the drives, read from the result of an identification.
+def read_drives(path: Path, joint_names: Sequence[str]) -> dict[str, Array]:
+    """Read friction and rotor inertia of the joints from the identifier's estimate.yaml.
 
-    Attributes
-    ----------
-    viscous, coulomb, rotor_inertia : (n,) ndarray
-        Viscous friction [Nms/rad], Coulomb friction [Nm] and rotor inertia [kg m^2] at the joints.
+    Returns
+    -------
+    dict
+        'viscous': viscous friction (n,) [Nms/rad]; 'coulomb': Coulomb friction (n,) [Nm];
+        'rotor_inertia': rotor inertia (n,) at the joints [kg m^2].
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is not an estimate, or belongs to another arm.
     """
-
-    viscous: Array
-    coulomb: Array
-    rotor_inertia: Array
-
-    @classmethod
-    def read(cls, path: Path, joint_names: Sequence[str]) -> IdentifiedDrives:
-        """Read friction and rotor inertia of the joints from the identifier's estimate.yaml.
-
-        Raises
-        ------
-        ConfigError
-            If the file cannot be read, is not an estimate, or belongs to another arm.
-        """
-        document = read_yaml(path)
-        try:
-            parameters = document['/**']['ros__parameters']
-            names = list(parameters['joint_names'])
-            columns = [
-                np.array(parameters[key], dtype=float)
-                for key in ('viscous', 'coulomb', 'rotor_inertia')
-            ]
-            shapes_fit = all(column.shape == (len(names),) for column in columns)
-        except (KeyError, TypeError, ValueError):
-            shapes_fit = False
-        if not shapes_fit or not np.isfinite(columns).all() or np.min(columns) < 0.0:
-            raise ConfigError(
-                f'{path} is not an estimate: pass the estimate.yaml of the identifier'
-            )
-        missing = [name for name in joint_names if name not in names]
-        if missing:
-            raise ConfigError(
-                f'{path} has the joints {", ".join(names)}, but not {", ".join(missing)}: pass '
-                'the estimate of this arm'
-            )
-        order = [names.index(name) for name in joint_names]
-        return cls(*(column[order] for column in columns))
+    document = read_yaml(path)
+    try:
+        parameters = document['/**']['ros__parameters']
+        names = list(parameters['joint_names'])
+        columns = {key: np.array(parameters[key], dtype=float) for key in _IDENTIFIED}
+        values = np.stack([*columns.values(), np.zeros(len(names))])
+        is_valid = bool(np.isfinite(values).all()) and values.min(initial=0.0) >= 0.0
+    except (KeyError, TypeError, ValueError):
+        is_valid = False
+    if not is_valid:
+        raise ConfigError(f'{path} is not an estimate: pass the estimate.yaml of the identifier')
+    missing = [name for name in joint_names if name not in names]
+    if missing:
+        raise ConfigError(
+            f'{path} has the joints {", ".join(names)}, but not {", ".join(missing)}: pass '
+            'the estimate of this arm'
+        )
+    order = [names.index(name) for name in joint_names]
+    return {key: column[order] for key, column in columns.items()}
 
 
-@dataclass(frozen=True)
-class DriveDraft:
+class DriveDraft(NamedTuple):
     """Drafted configuration of one joint, with a list of the values that are guesses.
 
     Attributes
@@ -112,97 +98,83 @@ class DriveDraft:
 
     joint: JointConfig
     guesses: frozenset[str]
-    rotor_is_known: bool = False
-
-    @classmethod
-    def of(cls, robot: Robot, number: int, load: float) -> DriveDraft:
-        """Return the drafted drive of a joint, from its limits in the URDF and guesses.
-
-        Parameters
-        ----------
-        number : int
-            Number of the joint, from 0 at the base; two joints share a board.
-        load : float
-            Largest gravity torque of the joint [Nm].
-
-        Raises
-        ------
-        DescriptionError
-            If the effort limit is too small to hold the arm.
-        ConfigError
-            If a limit of the URDF is invalid.
-        """
-        joint = robot.joints[number]
-        found = {
-            'velocity_max': _usable(robot.velocity_max[number], _FASTEST),
-            'effort_max': _usable(robot.effort_max[number], _STRONGEST),
-            'viscous': _usable(joint.damping, math.inf),
-            'coulomb': _usable(joint.friction, math.inf),
-        }
-        low, high = float(robot.position_min[number]), float(robot.position_max[number])
-        if abs(low) <= _WIDEST and abs(high) <= _WIDEST:
-            found |= {'position_min': low, 'position_max': high}
-        known = {key: value for key, value in found.items() if value is not None}
-        effort = known.setdefault('effort_max', _two_digits(max(_LOAD_FACTOR * load, 0.1)))
-        if effort <= load:
-            raise DescriptionError(
-                f'joint {joint.name}: the effort limit of {effort:g} Nm is below the {load:.3g} Nm '
-                'that hold the outstretched arm; check its <limit> and the masses'
-            )
-        guesses = {field for field in JointConfig.__dataclass_fields__ if field != 'name'}
-        guesses -= found.keys() - {key for key, value in found.items() if value is None}
-        return cls(_joint(joint.name, number, known), frozenset(guesses))
+    rotor_is_known: bool
 
 
-def with_identified(drive: DriveDraft, number: int, identified: IdentifiedDrives) -> DriveDraft:
-    """Return a copy of a drafted drive with identified friction and rotor inertia."""
-    joint = drive.joint
-    rotor = float(identified.rotor_inertia[number])
-    motor = replace(joint.motor, name=f'of_{joint.name}')
-    # With torque sensors behind the gears, the identified rotor inertia is zero, although the
-    # rotor exists.
-    if rotor > 0.0:
-        motor = replace(motor, rotor_inertia=float(f'{rotor * joint.gear.ratio**2:.4g}'))
-    known = replace(
-        joint,
-        motor=motor,
-        viscous=float(f'{identified.viscous[number]:.4g}'),
-        coulomb=float(f'{identified.coulomb[number]:.4g}'),
-    )
-    return DriveDraft(known, drive.guesses - {'viscous', 'coulomb'}, rotor > 0.0)
+def draft_drive(
+    robot: Robot, number: int, load: float, identified: Mapping[str, Array] | None = None
+) -> DriveDraft:
+    """Return the drafted drive of a joint, from its limits in the URDF and guesses.
+
+    Parameters
+    ----------
+    number : int
+        Number of the joint, from 0 at the base; two joints share a board.
+    load : float
+        Largest gravity torque of the joint [Nm].
+    identified : mapping, optional
+        Identified friction and rotor inertia, see `read_drives`.
+
+    Raises
+    ------
+    DescriptionError
+        If the effort limit is too small to hold the arm.
+    ConfigError
+        If a limit of the URDF is invalid.
+    """
+    joint = robot.joints[number]
+    limits = {
+        'velocity_max': (robot.velocity_max[number], _FASTEST),
+        'effort_max': (robot.effort_max[number], _STRONGEST),
+        'viscous': (joint.damping, math.inf),
+        'coulomb': (joint.friction, math.inf),
+    }
+    known = {key: float(value) for key, (value, most) in limits.items() if 0.0 < value <= most}
+    low, high = float(robot.position_min[number]), float(robot.position_max[number])
+    if abs(low) <= _WIDEST and abs(high) <= _WIDEST:
+        known |= {'position_min': low, 'position_max': high}
+    if identified is not None:
+        known |= {key: _digits(identified[key][number], 4) for key in ('viscous', 'coulomb')}
+    guesses = JointConfig.__dataclass_fields__.keys() - {'name', *known}
+    effort = known.setdefault('effort_max', _digits(max(_LOAD_FACTOR * load, 0.1), 2))
+    if effort <= load:
+        raise DescriptionError(
+            f'joint {joint.name}: the effort limit of {effort:g} Nm is below the {load:.3g} Nm '
+            'that hold the outstretched arm; check its <limit> and the masses'
+        )
+    motor, rotor = _motor(effort), 0.0
+    if identified is not None:
+        motor = replace(motor, name=f'of_{joint.name}')
+        # With torque sensors behind the gears, the identified rotor inertia is zero, although the
+        # rotor exists.
+        rotor = float(identified['rotor_inertia'][number])
+        if rotor > 0.0:
+            motor = replace(motor, rotor_inertia=_digits(rotor * _RATIO**2, 4))
+    return DriveDraft(_joint(joint.name, number, motor, known), frozenset(guesses), rotor > 0.0)
 
 
-def require_turning(robot: Robot) -> None:
-    """Raise DescriptionError if a joint of the arm is not revolute."""
-    for joint in robot.joints:
-        if joint.kind == 'prismatic':
-            raise DescriptionError(
-                f'joint {joint.name} is prismatic, but the drives are rotary: lock it with '
-                f'--locked {joint.name}'
-            )
-
-
-def _joint(name: str, number: int, known: dict[str, float]) -> JointConfig:
-    effort = known['effort_max']
-    velocity = known.get('velocity_max', _VELOCITY)
+def _joint(name: str, number: int, motor: MotorConfig, known: dict[str, float]) -> JointConfig:
+    effort, velocity = known['effort_max'], known.setdefault('velocity_max', _VELOCITY)
+    values: dict[str, float] = {
+        'position_min': -_RANGE,
+        'position_max': _RANGE,
+        'viscous': _digits(_VISCOUS_SHARE * effort / velocity, 2),
+        'coulomb': _digits(_COULOMB_SHARE * effort, 2),
+        **known,
+    }
     return JointConfig(
         name=name,
-        motor=_motor(effort),
+        motor=motor,
         gear=GearConfig(GEAR, _RATIO),
         board=number // 2,
         channel=number % 2,
         sign=1,
         offset=0.0,
-        position_min=known.get('position_min', -_RANGE),
-        position_max=known.get('position_max', _RANGE),
-        velocity_max=velocity,
         acceleration_max=velocity / _ACCELERATION_TIME,
-        effort_max=effort,
-        effort_rate_max=_two_digits(effort / _EFFORT_RISE),
-        viscous=known.get('viscous', _two_digits(_VISCOUS_SHARE * effort / velocity)),
-        coulomb=known.get('coulomb', _two_digits(_COULOMB_SHARE * effort)),
+        effort_rate_max=_digits(effort / _EFFORT_RISE, 2),
         board_kp=0.0,
         board_kd=0.0,
+        **values,
     )
 
 
@@ -212,21 +184,16 @@ def _motor(effort: float) -> MotorConfig:
     return MotorConfig(
         name=f'for_{effort:g}_Nm',
         pole_pairs=_POLE_PAIRS,
-        kv=float(f'{torque_constant(1.0) / constant:.4g}'),
+        kv=_digits(torque_constant(1.0) / constant, 4),
         current_max=_CURRENT_MAX,
-        rotor_inertia=_two_digits(_ROTOR_SHARE * effort * _RATIO**2),
+        rotor_inertia=_digits(_ROTOR_SHARE * effort * _RATIO**2, 2),
         resistance=_RESISTANCE,
         thermal=ThermalConfig.guessed(_CURRENT_MAX),
     )
 
 
-def _usable(value: float, most: float) -> float | None:
-    """Return a limit from the URDF; None if it is not positive or is larger than `most`."""
-    return float(value) if 0.0 < value <= most else None
-
-
-def _two_digits(value: float) -> float:
-    return float(f'{value:.2g}')
+def _digits(value: float, digits: int) -> float:
+    return float(f'{value:.{digits}g}')
 
 
 _POSTURES = 200
@@ -291,28 +258,12 @@ _CLEAR_ENOUGH = 0.5  # fraction of the largest clearance found, below which a po
 _NARROW = 0.01  # [m] clearance required if the requested clearances cannot be kept
 
 
-class RestPosture:
-    """Search for a home configuration, about which excitation motions are centred too.
-
-    Random postures are drawn about the middle of the joint ranges. Among the postures with at
-    least half of the largest clearance, the posture with the smallest holding torques is chosen.
-
-    Parameters
-    ----------
-    robot
-        Robot model with joint limits.
-    effort_max
-        (n,) effort limits [Nm]
-    limits
-        (n,) and (n,) position limits [rad].
-    surroundings
-        Ground and requested clearances.
-    package_directories
-        Folders for `package://` meshes, in addition to the folders above the URDF.
+class RestPosture(NamedTuple):
+    """Home configuration, about which excitation motions are centred too.
 
     Attributes
     ----------
-    posture
+    q
         (n,) posture [rad], rounded to a tenth, within the limits.
     surroundings
         Requested surroundings, relaxed if no posture satisfies them: first clearances of 0.01 m,
@@ -322,92 +273,83 @@ class RestPosture:
         collision-free; otherwise ''.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        effort_max: Array,
-        limits: tuple[Array, Array],
-        surroundings: ExcitationConfig,
-        package_directories: Sequence[Path] = (),
-    ) -> None:
-        self.problem = ''
-        low, high = np.maximum(limits[0], -math.pi), np.minimum(limits[1], math.pi)
-        self._limits = low, high
-        self._dynamics = Dynamics(robot, np.zeros(robot.n))
-        self._effort_max = effort_max
-        self.surroundings = surroundings
-        self._checker: ClearanceChecker | None = None
-        for narrower in _narrower(surroundings):
-            try:
-                self._checker = _checker(robot, narrower, package_directories)
-                self.surroundings = narrower
-                break
-            except ExcitationError as error:
-                self.problem = self.problem or str(error)
-        if self._checker is None:
-            self.surroundings = replace(surroundings, check_clearance=False)
-        self.posture = self._search()
-
-    def _search(self) -> Array:
-        low, high = self._limits
-        middle, half = 0.5 * (low + high), 0.5 * _SHARE * (high - low)
-        drawn = np.random.default_rng(0).uniform(-half, half, (_TRIED_POSTURES, len(low)))
-        postures = [self._rounded(q) for q in (middle, *(middle + drawn))]
-        margins = np.array([self._margin(q) for q in postures])
-        best = float(margins.max())
-        if best < 0.0:
-            self.problem = (
-                f'none of {len(postures)} random postures has the required clearance; the best '
-                f'posture lacks {-best:.2g} m: check the collision shapes and ground_height'
-            )
-        clear = [
-            q for q, margin in zip(postures, margins, strict=True) if margin >= self._enough(best)
-        ]
-        found = min(clear, key=self._load)
-        # A joint that influences neither clearance nor holding torque stays in the middle of its
-        # range, for example a vertical base joint.
-        for joint in range(len(found)):
-            other = found.copy()
-            other[joint] = self._rounded(middle)[joint]
-            if self._margin(other) >= self._enough(best) and (
-                self._load(other) <= self._load(found) + 1e-6
-            ):
-                found = other
-        return found
-
-    def _margin(self, q: Array) -> float:
-        return 0.0 if self._checker is None else self._checker.margin(q)
-
-    @staticmethod
-    def _enough(best: float) -> float:
-        return _CLEAR_ENOUGH * best if best > 0.0 else best
-
-    def _load(self, q: Array) -> float:
-        """Return the largest ratio of gravity torque to effort limit of all joints at posture q."""
-        return float(np.max(np.abs(self._dynamics.gravity(q)) / self._effort_max))
-
-    def _rounded(self, q: Array) -> Array:
-        rounded: Array = np.clip(np.round(q, 1) + 0.0, *self._limits)
-        return rounded
+    q: Array
+    surroundings: ExcitationConfig
+    problem: str
 
 
-def _narrower(surroundings: ExcitationConfig) -> tuple[ExcitationConfig, ...]:
-    """Return the requested surroundings, then variants with smaller clearances or no ground."""
-    near_ground = replace(surroundings, ground_clearance=_NARROW)
-    near = replace(near_ground, self_clearance=_NARROW)
-    return surroundings, near_ground, near, replace(near, ground_height=None)
+def find_rest_posture(
+    robot: Robot,
+    config: ArmConfig,
+    surroundings: ExcitationConfig,
+    package_directories: Sequence[Path] = (),
+) -> RestPosture:
+    """Search for a home configuration.
+
+    Random postures are drawn about the middle of the joint ranges. Among the postures with at
+    least half of the largest clearance, the posture with the smallest holding torques is chosen.
+
+    Parameters
+    ----------
+    robot, config
+        Robot model, and configuration with position and effort limits.
+    surroundings
+        Ground and requested clearances.
+    package_directories
+        Folders for `package://` meshes, in addition to the folders above the URDF.
+    """
+    low = np.maximum(config.column('position_min'), -math.pi)
+    high = np.minimum(config.column('position_max'), math.pi)
+    checker, surroundings, problem = _checker(robot, surroundings, package_directories)
+    dynamics = Dynamics(robot, np.zeros(robot.n))
+
+    def rounded(q: Array) -> Array:
+        return np.clip(np.round(q, 1) + 0.0, low, high)
+
+    def margin(q: Array) -> float:
+        return 0.0 if checker is None else checker.margin(q)
+
+    def load(q: Array) -> float:
+        """Return the largest ratio of gravity torque to effort limit of all joints."""
+        return float(np.max(np.abs(dynamics.gravity(q)) / config.column('effort_max')))
+
+    middle, half = 0.5 * (low + high), 0.5 * _SHARE * (high - low)
+    drawn = np.random.default_rng(0).uniform(-half, half, (_TRIED_POSTURES, robot.n))
+    postures = [rounded(q) for q in (middle, *(middle + drawn))]
+    margins = [margin(q) for q in postures]
+    best = max(margins)
+    if best < 0.0:
+        problem = (
+            f'none of {len(postures)} random postures has the required clearance; the best '
+            f'posture lacks {-best:.2g} m: check the collision shapes and ground_height'
+        )
+    enough = _CLEAR_ENOUGH * best if best > 0.0 else best
+    clear = [q for q, own in zip(postures, margins, strict=True) if own >= enough]
+    found = min(clear, key=load)
+    # A joint that influences neither clearance nor holding torque stays in the middle of its
+    # range, for example a vertical base joint.
+    for joint in range(robot.n):
+        other = found.copy()
+        other[joint] = postures[0][joint]
+        if margin(other) >= enough and load(other) <= load(found) + 1e-6:
+            found = other
+    return RestPosture(found, surroundings, problem)
 
 
 def _checker(
-    robot: Robot, surroundings: ExcitationConfig, package_directories: Sequence[Path]
-) -> ClearanceChecker:
-    return ClearanceChecker(
-        robot,
-        surroundings.self_clearance,
-        surroundings.ground_clearance,
-        surroundings.ground_height,
-        package_directories,
-    )
+    robot: Robot, requested: ExcitationConfig, package_directories: Sequence[Path]
+) -> tuple[ClearanceChecker | None, ExcitationConfig, str]:
+    """Return the checker of the requested surroundings, or else of the first that are possible."""
+    near_ground = replace(requested, ground_clearance=_NARROW)
+    near = replace(near_ground, self_clearance=_NARROW)
+    problem = ''
+    for one in (requested, near_ground, near, replace(near, ground_height=None)):
+        clearances = (one.self_clearance, one.ground_clearance, one.ground_height)
+        try:
+            return ClearanceChecker(robot, *clearances, package_directories), one, problem
+        except ExcitationError as error:
+            problem = problem or str(error)
+    return None, replace(requested, check_clearance=False), problem
 
 
 PROFILE = 'uomodri_v3'
@@ -426,8 +368,8 @@ class ArmDraft:
         Name of the arm; by default that of the URDF.
     package_directories : sequence of Path
         Folders for `package://` meshes, in addition to the folders above the URDF.
-    identified : IdentifiedDrives, optional
-        Identified friction and rotor inertia, used in place of guesses.
+    identified : mapping, optional
+        Identified friction and rotor inertia, used in place of guesses; see `read_drives`.
 
     Attributes
     ----------
@@ -454,15 +396,18 @@ class ArmDraft:
         robot: Robot,
         name: str = '',
         package_directories: Sequence[Path] = (),
-        identified: IdentifiedDrives | None = None,
+        identified: Mapping[str, Array] | None = None,
     ) -> None:
-        require_turning(robot)
+        for joint in robot.joints:
+            if joint.kind == 'prismatic':
+                raise DescriptionError(
+                    f'joint {joint.name} is prismatic, but the drives are rotary: lock it with '
+                    f'--locked {joint.name}'
+                )
         loads = largest_gravity_load(robot)
-        drives = [DriveDraft.of(robot, number, float(load)) for number, load in enumerate(loads)]
-        if identified is not None:
-            drives = [
-                with_identified(drive, number, identified) for number, drive in enumerate(drives)
-            ]
+        drives = [
+            draft_drive(robot, number, float(load), identified) for number, load in enumerate(loads)
+        ]
         self.guesses = tuple(drive.guesses for drive in drives)
         self.known_rotors = tuple(drive.rotor_is_known for drive in drives)
         joints = tuple(drive.joint for drive in drives)
@@ -479,14 +424,8 @@ class ArmDraft:
         # A hanging arm has no ground below its base.
         hangs = robot.gravity_in_base[2] > 0.0 or not robot.gravity_in_base.any()
         surroundings = ExcitationConfig(ground_height=None if hangs else 0.0)
-        rest = RestPosture(
-            robot,
-            config.column('effort_max'),
-            (config.column('position_min'), config.column('position_max')),
-            surroundings,
-            package_directories,
-        )
-        posture = tuple(rest.posture.tolist())
+        rest = find_rest_posture(robot, config, surroundings, package_directories)
+        posture = tuple(rest.q.tolist())
         self.config = replace(config, rest_position=posture)
         self.excitation = replace(rest.surroundings, bias=posture)
         self.problem = rest.problem
@@ -522,7 +461,7 @@ def _with_dynamics(config: ArmConfig, robot: Robot) -> ArmConfig:
 
 
 def _rounded(values: Array) -> list[float]:
-    return [float(f'{value:.3g}') for value in values]
+    return [_digits(value, 3) for value in values]
 
 
 def _rounded_down(values: Array) -> list[float]:

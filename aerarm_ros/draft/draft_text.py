@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection
 from dataclasses import fields
+from typing import Any
 
-from aerarm_ros.description.drive_config import GearConfig, JointConfig, MotorConfig, ThermalConfig
+from aerarm_ros.description.drive_config import GearConfig, MotorConfig
 from aerarm_ros.draft.arm_draft import ArmDraft
 
 MARK = '# guess'
 _COLUMN = 38  # text column in which the marks of guessed values begin
 _WIDTH = 100
 _PLAIN = re.compile(r'[A-Za-z_][A-Za-z_0-9]*')
-_ROTOR = 'rotor_inertia'
-_PARTS = ('motor', 'gear')
 
 _HEAD = """\
 The drive train of {name}: motors, gears, boards and joint limits. Drafted from
@@ -93,42 +92,28 @@ def arm_text(draft: ArmDraft, source: str) -> str:
     """
     config = draft.config
     lines = [*_comment(_HEAD.format(name=config.name, source=source)), '', *_about(_ARM_ADVICE), '']
-    add = lines.append
-    add(f'name: {_word(config.name)}')
-    add(_line('', 'emulated_only', 'true', '# hardware_bridge rejects this file'))
-    add(_line('', 'profile', config.profile, MARK))
-    add(_line('', 'gravity_in_base', _list(config.gravity_in_base), MARK))
-    add(_line('', 'rest_position', _list(config.rest_position), MARK))
-    add(_line('', 'rated_payload', _list(config.rated_payload), MARK))
-    lines += ['', 'boards:']
+    lines += [
+        f'name: {_word(config.name)}',
+        _line('', 'emulated_only', 'true', '# hardware_bridge rejects this file'),
+        *(_line('', key, _value(getattr(config, key)), MARK) for key in _ARM_KEYS),
+        *('', 'boards:'),
+    ]
     for board in config.boards:
-        lines.append(f'  - name: {board.name}')
-        for key in ('device', 'clock_hz', 'mode'):
-            add(_line('    ', key, str(getattr(board, key)), MARK))
+        lines += [f'  - name: {board.name}', *_entries('    ', board)]
     lines += ['', 'motors:']
     pairs = zip(config.joints, draft.known_rotors, strict=True)
     motors = {joint.motor.name: (joint.motor, is_known) for joint, is_known in pairs}
     for name, (motor, rotor_is_known) in motors.items():
-        values = [(item.name, getattr(motor, item.name)) for item in fields(MotorConfig)]
-        add(f'  {name}:')
-        lines += [
-            _line('    ', key, _number(value), '' if key == _ROTOR and rotor_is_known else MARK)
-            for key, value in values
-            if key not in ('name', 'thermal') and value is not None
-        ]
-        add('    thermal:')
-        lines += [
-            _line('      ', item.name, _number(getattr(motor.thermal_or_guess, item.name)), MARK)
-            for item in fields(ThermalConfig)
-        ]
+        known = {'rotor_inertia'} if rotor_is_known else set()
+        lines += [f'  {name}:', *_entries('    ', motor, known), '    thermal:']
+        lines += _entries('      ', motor.thermal_or_guess)
     lines += ['', 'gears:']
     for kind, gear in {joint.gear.kind: joint.gear for joint in config.joints}.items():
-        values = [(f.name, getattr(gear, f.name)) for f in fields(GearConfig) if f.name != 'kind']
-        add(f'  {kind}:')
-        lines += [_line('    ', key, _number(value), MARK) for key, value in values]
+        lines += [f'  {kind}:', *_entries('    ', gear)]
     lines += ['', *_about(_JOINT_ADVICE), 'joints:']
     for joint, guesses in zip(config.joints, draft.guesses, strict=True):
-        lines += _joint(joint, guesses)
+        known = {field.name for field in fields(joint)} - guesses
+        lines += [f'  - name: {_word(joint.name)}', *_entries('    ', joint, known)]
     return '\n'.join(lines) + '\n'
 
 
@@ -175,30 +160,29 @@ def excitation_text(draft: ArmDraft, source: str) -> str:
     lines = [*_comment(head), '']
     for item in fields(draft.excitation):
         value = getattr(draft.excitation, item.name)
-        lines += _about({item.name: _EXCITATION_ADVICE[item.name]}, names=False)
-        text = 'null' if value is None else _value(value)
+        lines += _comment(_EXCITATION_ADVICE[item.name])
         mark = MARK if item.name in _EXCITATION_GUESSES else ''
-        lines.append(_line('', item.name, text, mark))
+        lines.append(_line('', item.name, _value(value), mark))
     return '\n'.join(lines) + '\n'
 
 
-def _joint(joint: JointConfig, guesses: Iterable[str]) -> list[str]:
-    lines = [f'  - name: {_word(joint.name)}']
-    for item in fields(joint):
-        if item.name == 'name':
-            continue
-        value = getattr(joint, item.name)
-        text = {'motor': joint.motor.name, 'gear': joint.gear.kind}.get(item.name)
-        mark = MARK if item.name in guesses else ''
-        lines.append(_line('    ', item.name, text or _number(value), mark))
-    return lines
+_ARM_KEYS = ('profile', 'gravity_in_base', 'rest_position', 'rated_payload')
+# Fields that `arm_text` does not write as an entry of their own.
+_OTHERS = ('name', 'kind', 'thermal', 'encoders')
 
 
-def _about(advice: dict[str, str], names: bool = True) -> list[str]:
-    lines: list[str] = []
-    for key, text in advice.items():
-        lines += _comment(f'{key}: {text}' if names else text, hanging='  ' if names else '')
-    return lines
+def _entries(indent: str, config: Any, known: Collection[str] = ()) -> list[str]:
+    """Return one line per field of a configuration, with a mark unless the value is known."""
+    values = {field.name: getattr(config, field.name) for field in fields(config)}
+    return [
+        _line(indent, key, _value(value), '' if key in known else MARK)
+        for key, value in values.items()
+        if key not in _OTHERS and value is not None
+    ]
+
+
+def _about(advice: dict[str, str]) -> list[str]:
+    return [line for key, text in advice.items() for line in _comment(f'{key}: {text}', '  ')]
 
 
 def _comment(text: str, hanging: str = '') -> list[str]:
@@ -221,19 +205,17 @@ def _line(indent: str, key: str, text: str, mark: str) -> str:
 
 
 def _value(value: object) -> str:
-    return _list(value) if isinstance(value, tuple) else _number(value)
-
-
-def _list(values: Sequence[object]) -> str:
-    return f'[{", ".join(map(_number, values))}]'
-
-
-def _number(value: object) -> str:
-    """Return a number as text that YAML 1.1 parses as a number; floats need a decimal point."""
+    """Return a value as YAML 1.1, which parses a float only with a decimal point."""
+    if isinstance(value, tuple):
+        return f'[{", ".join(map(_value, value))}]'
     if isinstance(value, float):
         text = repr(value)
         return text if '.' in text or 'e' not in text else text.replace('e', '.0e')
-    return str(value)
+    if isinstance(value, MotorConfig):
+        return value.name
+    if isinstance(value, GearConfig):
+        return value.kind
+    return 'null' if value is None else str(value)
 
 
 def _word(text: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -215,9 +214,25 @@ class EnergyModel:
         steps = max(1, round(motion.duration / _STEP))
         dt = motion.duration / steps
         q, dq, ddq = motion.evaluate((np.arange(steps) + 0.5) * dt)
+        return self.balance_of(dt, q, dq, ddq)
+
+    def balance_of(
+        self, dt: float, q: Array, dq: Array, ddq: Array, tau: Array | None = None
+    ) -> EnergyBalance:
+        """Return the energy balance of M time intervals, given the motion at their centres.
+
+        Parameters
+        ----------
+        dt : float
+            Duration of each interval [s].
+        q, dq, ddq : (M, n) ndarray
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2].
+        tau : (M, n) ndarray, optional
+            Measured drive torques [Nm]; by default those of the model.
+        """
         rigid, weight = self.torques(q, dq, ddq)
         friction = self.friction_torque(dq, ddq, rigid)
-        tau = rigid + friction
+        tau = rigid + friction if tau is None else tau
         return self.split(dt, dq, tau, rigid - weight, weight, friction)
 
     def split(
@@ -258,22 +273,19 @@ class EnergyModel:
 
     def torques(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         """Return the torques of a motion without friction, and its gravity torques, (M, n) [Nm]."""
-
-        def rows() -> Iterator[tuple[Array, Array]]:
-            for motion in zip(q, dq, ddq, strict=True):
-                yield self.dynamics.inverse(*motion), self.dynamics.gravity(motion[0])
-
-        rigid, weight = zip(*rows(), strict=True)
-        return np.array(rigid), np.array(weight)
+        rows = [
+            (self.dynamics.inverse(*motion), self.dynamics.gravity(motion[0]))
+            for motion in zip(q, dq, ddq, strict=True)
+        ]
+        rigid, weight = np.swapaxes(np.array(rows), 0, 1)
+        return rigid, weight
 
 
 class HoldingLoss:
     """Copper loss of the motors while they hold the arm at rest, thesis (4.1)."""
 
     def __init__(self, model: EnergyModel) -> None:
-        self._dynamics = model.dynamics
-        self._drives = model.drives
-        self._rest = np.zeros(model.n)
+        self._dynamics, self._drives = model.dynamics, model.drives
 
     def watts(self, q: Array) -> float:
         """Return the copper loss [W] of all motors at the posture q (n,) [rad]."""
@@ -281,7 +293,7 @@ class HoldingLoss:
 
     def gradient(self, q: Array) -> Array:
         """Return the gradient (n,) of the copper loss by the posture q [W/rad]."""
-        rest = self._rest
+        rest = np.zeros_like(q)
         weight, slopes, _, _ = self._dynamics.inverse_with_slopes(q, rest, rest)
         gradient: Array = 2.0 * (self._drives.copper_per_torque2 * weight) @ slopes
         return gradient
@@ -353,16 +365,10 @@ class BalanceMeter:
         begun, first = self._begin
         dt = time - begun
         q, dq = 0.5 * (first.q + state.q), 0.5 * (first.dq + state.dq)
-        model = self._model
-        ddq = (state.dq - first.dq) / dt
-        rigid = model.dynamics.inverse(q, dq, ddq)
-        weight = model.dynamics.gravity(q)
-        friction = model.friction_torque(dq, ddq, rigid)
-        tau = self._impulse / dt
-        rows = (dq, tau, rigid - weight, weight, friction)
-        interval = model.split(dt, *(row[np.newaxis] for row in rows))
+        ddq, tau = (state.dq - first.dq) / dt, self._impulse / dt
+        interval = self._model.balance_of(dt, *(row[np.newaxis] for row in (q, dq, ddq, tau)))
         # Torque variation within the interval also causes copper loss.
-        ripple: Array = model.drives.copper_per_torque2 * (self._square - dt * tau**2)
-        interval.copper[:] += ripple
+        copper = self._model.drives.copper_per_torque2
+        interval.copper[:] += copper * (self._square - dt * tau**2)
         self.total = self.total + interval
         self._start(time, state)

@@ -306,17 +306,13 @@ class ExperimentReport:
         """Add a run to the report, and return its row of the table of tracking errors."""
         joints = 1e3 * np.abs(run.qd - run.q)
         tool = 1e3 * np.linalg.norm(self._path(run.qd) - self._path(run.q), axis=1)
-        final_joints, final_tool = joints[-1].max(), tool[-1]
+        final = joints[-1].max(), tool[-1]
         joints, tool = joints[run.at_full_speed], tool[run.at_full_speed]
         rms, tool_rms = np.sqrt((joints**2).mean(axis=0)), np.sqrt((tool**2).mean())
         row = (
             run.case.name,
             ' '.join(f'{value:.2f}' for value in rms),
-            f'{joints.max():.2f}',
-            f'{final_joints:.2f}',
-            f'{tool_rms:.2f}',
-            f'{tool.max():.2f}',
-            f'{final_tool:.2f}',
+            *(f'{x:.2f}' for x in (joints.max(), final[0], tool_rms, tool.max(), final[1])),
             self._over_still(run.case, np.array([rms.max(), tool_rms])),
         )
         self._runs.append(run)

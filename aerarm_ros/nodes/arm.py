@@ -287,10 +287,10 @@ def _add_init(command: argparse.ArgumentParser) -> None:
 
 def _init(options: argparse.Namespace) -> int:
     # Imported here, because the libraries of this command take a second to load.
-    from aerarm_ros.ros.programs.init_run import InitRun
+    from aerarm_ros.ros.programs.init_run import init_arm
 
     try:
-        InitRun(options).run()
+        init_arm(options)
     except (ValueError, OSError) as error:
         print_error(f'{NAME} init', error)
         return USER_ERROR

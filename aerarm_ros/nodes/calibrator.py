@@ -18,7 +18,13 @@ from aerarm_ros.ros.process.process_end import (
     without_ros_arguments,
 )
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
-from aerarm_ros.ros.programs.identifier_options import Option, table_parser
+from aerarm_ros.ros.programs.identifier_options import (
+    Option,
+    fraction,
+    pair,
+    positive,
+    table_parser,
+)
 
 _OPTIONS: tuple[Option, ...] = (
     ('--bag', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
@@ -26,7 +32,7 @@ _OPTIONS: tuple[Option, ...] = (
         'and .bag files'),
     ('--validation', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
         'recordings of the same setup for validation, which the calibration does not use'),
-    ('--holdout', {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
+    ('--holdout', {'type': fraction, 'default': 0.0, 'metavar': 'SHARE'},
         'fraction of the postures of --bag, drawn at random, for validation instead of '
         'calibration (default: 0)'),
     ('--urdf', {'type': Path, 'metavar': 'FILE'}, 'URDF of the arm (default: the packaged arm)'),
@@ -46,7 +52,7 @@ _OPTIONS: tuple[Option, ...] = (
     ('--eccentricity', {'action': 'store_true'},
         'also estimate the first harmonic of the angle error of each gear'),
     ('--tolerance',
-        {'nargs': 2, 'type': float, 'default': [2.0, 10.0], 'metavar': ('LENGTH', 'ANGLE')},
+        {'nargs': 2, 'type': positive, 'default': [2.0, 10.0], 'metavar': ('LENGTH', 'ANGLE')},
         'expected errors of lengths [mm] and angles [mrad] in the URDF; with smaller values the '
         'estimates stay closer to the URDF (default: 2 10)'),
     ('--base-known', {'action': 'store_true'},
@@ -61,7 +67,7 @@ _OPTIONS: tuple[Option, ...] = (
         'states no unit'),
     ('--ignore', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
         'names of markers, poses or columns that the calibrator does not use'),
-    ('--rename', {'nargs': '+', 'default': [], 'metavar': 'COLUMN=JOINT'},
+    ('--rename', {'nargs': '+', 'type': pair, 'default': [], 'metavar': 'COLUMN=JOINT'},
         "pairs of a joint's name in the recording (COLUMN) and its name in the URDF (JOINT)"),
     ('--lock', {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
         'joints that the recording omits, because their positions stayed at zero'),
@@ -117,11 +123,11 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_ros.calibration.observations import CalibrationError
     from aerarm_ros.description.config_reader import ConfigError, DescriptionError
     from aerarm_ros.identification.errors import IdentificationError
-    from aerarm_ros.ros.programs.calibrator_mount import MountRun
-    from aerarm_ros.ros.programs.calibrator_run import CalibratorRun
+    from aerarm_ros.ros.programs.calibrator_mount import calibrate_on_drone
+    from aerarm_ros.ros.programs.calibrator_run import calibrate_arm
 
     try:
-        print((MountRun if options.mount else CalibratorRun)(options).execute())
+        print((calibrate_on_drone if options.mount else calibrate_arm)(options))
     except (
         BagError,
         CalibrationError,

@@ -20,6 +20,7 @@ from aerarm_ros.ros.process.node_process import is_domain_free
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
 from aerarm_ros.ros.programs.demo_run import DemoError, DemoRun
+from aerarm_ros.ros.programs.identifier_options import at_least_one
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 # Name of a file that the demo deletes from the output folder when all results are complete.
@@ -58,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
     started = time.monotonic()
     run = DemoRun(out, options)
     try:
-        account = run.move_and_record()
+        lines = run.move_and_record()
         run.identify()
     except (DemoError, ArmClientError) as error:
         print(f'demo failed: {error}\ndemo: the results in {out} are incomplete', file=sys.stderr)
@@ -70,7 +71,7 @@ def _run(options: argparse.Namespace) -> int:
         )
         return INTERRUPTED
     marker.unlink()
-    print(*account.lines(), f'Time      {time.monotonic() - started:.0f} s', sep='\n')
+    print(*lines, f'Time      {time.monotonic() - started:.0f} s', sep='\n')
     return 0
 
 
@@ -86,7 +87,7 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
         help='seed of the random trajectory for validation (default: %(default)s)')  # fmt: skip
     parser.add_argument('--arm-seed', type=int, default=7,
         help="seed of the simulated arm's random parameters (default: %(default)s)")  # fmt: skip
-    parser.add_argument('--periods', type=_at_least_one, default=2,
+    parser.add_argument('--periods', type=at_least_one, default=2,
         help='number of periods of each trajectory, 10 s each (default: 2)')  # fmt: skip
     parser.add_argument('--pace', choices=(KEEP_UP, LOCKSTEP), default=KEEP_UP,
         help='parameter pace of the node fake_hardware, which controls the speed of simulation '
@@ -95,13 +96,6 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
         help='SCHED_FIFO priority of the bridge; 0 selects the ordinary scheduler (default: '
              '%(default)s)')  # fmt: skip
     return parser.parse_args(arguments)
-
-
-def _at_least_one(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f'{value} is below 1: pass a positive whole number')
-    return value
 
 
 def _isolate_from_other_ros_graphs() -> None:

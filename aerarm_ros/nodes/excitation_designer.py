@@ -12,6 +12,7 @@ from pathlib import Path
 
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
+from aerarm_ros.ros.programs.identifier_options import at_least_one, positive
 
 NAME = 'excitation_designer'
 
@@ -59,11 +60,11 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         help=f'largest condition number, equation (5.2) of the thesis, for --objective {BOTH} '
         '(default: %(default)s)',
     )
-    add('--fundamental', type=float, default=0.1,
+    add('--fundamental', type=positive, default=0.1,
         help='fundamental frequency f0 of the trajectory [Hz] (default: %(default)s)')  # fmt: skip
     add('--harmonics', type=int, default=5,
         help='number of harmonics N of the trajectory (default: %(default)s)')  # fmt: skip
-    add('--duration', type=float, default=20.0,
+    add('--duration', type=positive, default=20.0,
         help='duration of the motion at full speed, a multiple of the period 1/f0 [s] (default: '
              '%(default)s)')  # fmt: skip
     add('--amplitude', type=float, default=0.35,
@@ -78,12 +79,12 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         help='joint angles at the centre of the motion [rad], one value per joint')  # fmt: skip
     add('--seed', type=int, default=1,
         help='seed of the random initial trajectories (default: %(default)s)')  # fmt: skip
-    add('--starts', type=int, default=8,
+    add('--starts', type=at_least_one, default=8,
         help='number of random initial trajectories that the search improves (default: '
              '%(default)s)')  # fmt: skip
-    add('--workers', type=int, default=os.cpu_count() or 1,
+    add('--workers', type=at_least_one, default=os.cpu_count() or 1,
         help='number of parallel processes (default: one per CPU)')  # fmt: skip
-    add('--time-limit', type=float, default=55.0,
+    add('--time-limit', type=positive, default=55.0,
         help='time limit of the search [s] (default: %(default)s)')  # fmt: skip
     add('--excitation-config', type=Path,
         help='YAML file with clearances, and with the fraction of each joint limit that the '

@@ -89,18 +89,14 @@ def table(
         Indices of the rows to emphasize.
     """
     rows = list(rows)
-    shown = zip(*map(_aligned, zip(*rows, strict=True)), strict=True)
     first = rows[0] if rows else [None] * len(headings)
     # Allow line breaks in headings with names of joints and bags.
     head = [
         (markup(heading).replace('_', Html('_<wbr>')), 'text' if _is_text(value) else '')
         for heading, value in zip(headings, first, strict=False)
     ]
-    body = [
-        [(_shown(text), _kind(value)) for value, text in zip(row, texts, strict=True)]
-        for row, texts in zip(rows, shown, strict=True)
-    ]
-    return Html(_elements().table(head, body, best))
+    body = zip(*map(_cells, zip(*rows, strict=True)), strict=True)
+    return Html(_elements().table(head, list(body), best))
 
 
 def text_table(rows: Sequence[Sequence[str]]) -> str:
@@ -143,13 +139,13 @@ def page(title: str, head: str, body: Iterable[str], facts: Mapping[str, str] | 
     return str(document)
 
 
-def _aligned(column: Sequence[object]) -> list[object]:
-    """Return the cells of a column, padded so that the decimal points of numbers align."""
+def _cells(column: Sequence[object]) -> list[tuple[Html, str]]:
+    """Return text and CSS class of the cells of a column; the decimal points of numbers align."""
     texts = [number(x) if x is None or isinstance(x, float) else None for x in column]
     tails = [len(x.partition('.')[2]) for x in texts if x and '.' in x and 'e' not in x]
     longest = max(tails, default=0)
     return [
-        value if text is None else _filled(text, longest)
+        (markup(value), _kind(value)) if text is None else (_filled(text, longest), '')
         for value, text in zip(column, texts, strict=True)
     ]
 
@@ -169,10 +165,6 @@ def _kind(value: object) -> str:
     if not _is_text(value):
         return ''
     return 'text long' if len(str(value)) > _LONG else 'text'
-
-
-def _shown(value: object) -> str:
-    return number(value) if value is None or isinstance(value, float) else markup(value)
 
 
 _PACKAGE = 'aerarm_ros'

@@ -6,6 +6,7 @@ import base64
 import gzip
 import importlib.util
 import json
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -178,15 +179,18 @@ class StackedFigure:
             }
         )
 
-    def html(self, identifier: str) -> Html:
-        """Return the figure as an HTML division with the script that draws it."""
-        layout = self._layout()
-        return figure_html(identifier, self.traces, layout)
+    def html(self, identifier: str, shapes: Sequence[dict[str, Any]] = ()) -> Html:
+        """Return the figure as an HTML division with the script that draws it.
 
-    def _layout(self) -> dict[str, Any]:
+        Parameters
+        ----------
+        shapes
+            Shapes to draw over the curves, as plotly.js expects them.
+        """
         count = len(self._rows)
         layout: dict[str, Any] = {
             'height': _ROW_HEIGHT * count + 90,
+            'shapes': list(shapes),
             'margin': {'l': 75, 'r': 15, 't': 30, 'b': 45},
             'legend': {'orientation': 'h', 'y': 1.0 + 0.12 / count, 'yanchor': 'bottom'},
             'hovermode': 'x unified',
@@ -204,7 +208,7 @@ class StackedFigure:
                 'title': {'text': f'{plain_text(title)} [{self._unit}]'},
                 'type': self._kind,
             }
-        return layout
+        return figure_html(identifier, self.traces, layout)
 
 
 def _places(x: Array) -> dict[str, Any]:

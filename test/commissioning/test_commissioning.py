@@ -1,13 +1,14 @@
 """The guided procedure on `BridgeCycle`, emulated boards and MuJoCo's arm, in virtual time."""
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 from commissioning_campaign import CommissionedArm
 
-from aerarm_ros.commissioning.commissioning import Commissioning, TurnStep
+from aerarm_ros.commissioning.commissioning import Commissioning, turn_prompts
 from aerarm_ros.commissioning.commissioning_record import CommissioningRecord
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
@@ -174,7 +175,7 @@ def test_a_step_that_is_left_out_does_not_pass():
 
 
 def test_a_joint_is_turned_where_it_has_room():
-    prompts = [TurnStep(CONFIG, ROBOT, joint)._prompts[1] for joint in range(4)]
+    prompts = [turn_prompts(CONFIG, ROBOT, joint)[1] for joint in range(4)]
     assert [prompt.hand[1] for prompt in prompts] == pytest.approx(
         [1.571, 3.142, 1.571, 1.571], abs=1e-3
     )
@@ -200,7 +201,7 @@ def test_an_invalid_request_is_rejected(text):
 
 
 def test_a_turn_without_a_clear_pulse_does_not_pass():
-    step = TurnStep(CONFIG, ROBOT, 3)
+    guided = Commissioning(CONFIG, ROBOT, CommissioningRecord('aerarm'), [3], 'me')
     turned = 0.5 * np.pi / CONFIG.joints[3].gear.ratio
     arrays = {'joints': CONFIG.joint_names, 'boards': ('',) * 4, 'pulse_angle': (None,) * 4}
     counts = {
@@ -208,11 +209,15 @@ def test_a_turn_without_a_clear_pulse_does_not_pass():
         'span': (0.0, 0.0, 0.0, turned),
         'pulses': (0, 0, 0, round(turned / (2.0 * np.pi))),
     }
-    report = ProbeReport('me:1', 'watching', '', 'idle', **arrays, **counts)
-    for _ in range(2):
-        step.answer(True)
-        step.update(report)
-    assert [finding for finding in step.findings if 'no index pulse' in finding]
+    for _ in range(3):
+        report = ProbeReport(guided.request.id, 'watching', '', 'idle', **arrays, **counts)
+        guided.update(NOW, report)
+        guided.answer(True)
+    guided.update(NOW, replace(report, id=guided.request.id))
+    guided.answer(False)
+    guided.answer(False)
+    findings = guided.record.joints['joint4'].findings
+    assert [finding for finding in findings if 'no index pulse' in finding]
 
 
 def test_messages_are_read_as_they_were_sent():

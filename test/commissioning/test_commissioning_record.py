@@ -70,7 +70,7 @@ def test_the_record_states_why_an_arm_is_not_commissioned(record, problem):
 @pytest.mark.parametrize(('fields', 'key'), [({'sign': -1}, 'sign'), ({'offset': 0.1}, 'offset')])
 def test_a_configuration_that_changed_needs_the_joint_again(fields, key):
     record, config = commissioned(), changed(**fields)
-    assert record.problem(config).startswith(f'{key} of joint2 has changed')
+    assert record.problem(config).startswith(f'joint2 commissioned with another {key}')
     assert record.open_joints(config) == [1]
     # The other joints keep theirs.
     assert record.pulse_offset(config) == pytest.approx([1.25, 0.0, 1.25, 1.25])
@@ -87,7 +87,7 @@ def test_a_joint_without_a_pulse_has_no_offset():
     record = replace(record, joints={**record.joints, 'joint3': bare})
     assert record.pulse_offset(CONFIG) == pytest.approx([1.25, 1.25, 0.0, 1.25])
     assert record.problem(CONFIG).startswith(
-        'the commissioning record has no angle of the index pulse (pulse_offset) for joint3'
+        'joint3 commissioned without an angle of the index pulse (pulse_offset)'
     )
     assert record.open_joints(CONFIG) == [2]
 

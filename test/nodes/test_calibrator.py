@@ -81,7 +81,7 @@ def test_without_a_configuration_the_offsets_are_in_the_urdf(
         ('swap', (), 'markers marker1 and marker2 are swapped'),
         ('few', (), 'only 4 postures have measurements'),
         ('', ('--link', 'wing'), 'link wing (--link) is unknown'),
-        ('', ('--holdout', '2'), '--holdout 2 is invalid: pass a fraction'),
+        ('', ('--holdout', '2'), '--holdout: 2 is invalid: pass a fraction'),
         ('none', (), 'check its path'),
         ('nan', (), 'row 3 has no position of joint joint2'),
         ('empty', (), 'must name the columns'),

@@ -5,23 +5,14 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.design_file import designed_file
-from aerarm_ros.excitation.excitation_setup import ExcitationSetup
-from aerarm_ros.excitation.settings import (
-    DesignStoppedError,
-    ExcitationConfig,
-    ExcitationError,
-    InfeasibleError,
-    load_excitation_config,
-)
+from aerarm_ros.excitation.settings import DesignStoppedError, ExcitationError, InfeasibleError
 from aerarm_ros.excitation.trajectory import RampedExcitation
 from aerarm_ros.excitation.trajectory_designer import (
     DesignResult,
@@ -30,6 +21,7 @@ from aerarm_ros.excitation.trajectory_designer import (
 )
 from aerarm_ros.motion.signals import Array, JointReference
 from aerarm_ros.pages.html_text import paragraph, table
+from aerarm_ros.ros.programs.design_run import load_setup
 
 
 class PlannedExcitation:
@@ -184,40 +176,19 @@ def plan_excitation(
     if periods < 1:
         raise ExcitationError(f'periods = {periods} is too small: pass at least 1')
     lock = [lock] if isinstance(lock, str) else list(lock)
-    own = urdf is None
-    file = None if room is None else Path(room)
-    settings = load_excitation_config(file) if file or own else ExcitationConfig()
-    if bias is not None:
-        settings = replace(settings, bias=tuple(float(value) for value in bias))
-    known = own or config is not None
-    arm = load_arm_config(None if config is None else Path(config)) if known else None
-    if lock and (arm is not None or isinstance(urdf, Robot)):
+    arm = Path(urdf) if isinstance(urdf, str | os.PathLike) else urdf
+    if lock and (arm is None or isinstance(arm, Robot) or config is not None):
         raise ExcitationError(
             f'lock = {", ".join(lock)} is possible only if urdf is a path and config is not given: '
             'pass load_robot(urdf, locked=...) as urdf instead'
         )
-    if arm is not None and np.isfinite(acceleration_limit).any():
-        raise ExcitationError(
-            'acceleration_limit is only for an arm without a file of motors and gears: remove the '
-            'argument acceleration_limit or config'
-        )
-    robot = urdf if isinstance(urdf, Robot) else _robot(urdf, arm, lock)
+    drives, surroundings = (None if file is None else Path(file) for file in (config, room))
     folders = tuple(Path(folder) for folder in package_directories)
-    if arm is not None:
-        setup = ExcitationSetup.of_arm(robot, arm, settings, folders)
-    else:
-        setup = ExcitationSetup.of_robot(robot, settings, folders, acceleration_limit)
+    is_limited = np.isfinite(acceleration_limit).any()
+    limits = {'acceleration_limit': acceleration_limit} if is_limited else {}
+    setup = load_setup(arm, drives, surroundings, bias, lock, folders, limits)
     specification = DesignSpecification(setup, fundamental, harmonics, seed=seed)
     return PlannedExcitation(specification, _designed(specification, seconds), periods)
-
-
-def _robot(
-    urdf: str | os.PathLike[str] | None, arm: ArmConfig | None, lock: Sequence[str]
-) -> Robot:
-    path = None if urdf is None else Path(urdf)
-    if arm is None:
-        return load_robot(path, locked=list(lock))
-    return load_robot(path, gravity_in_base=arm.gravity_in_base, joint_names=arm.joint_names)
 
 
 def _designed(specification: DesignSpecification, seconds: float) -> DesignResult:

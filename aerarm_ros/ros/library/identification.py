@@ -39,7 +39,12 @@ from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import bullets, paragraph
-from aerarm_ros.ros.programs.identifier_bags import IdentifierBags, bag_names, repeated_bags
+from aerarm_ros.ros.programs.identifier_bags import (
+    IdentifierBags,
+    bag_names,
+    hold_out,
+    repeated_bags,
+)
 from aerarm_ros.ros.programs.identifier_run import RESULT_FILES, terminal_table, write_result
 
 
@@ -121,8 +126,8 @@ def load_identified(folder: str | os.PathLike[str]) -> IdentifiedModel:
     return IdentifiedModel(robot, read_estimate(path, robot))
 
 
-class IdentifiedArm:
-    """Result of `identify`: the arm's parameters, and the errors of the predicted torque.
+class IdentifiedArm(IdentifiedModel):
+    """Result of `identify`: the arm's model, and the errors of the predicted torque.
 
     Parameters
     ----------
@@ -130,34 +135,23 @@ class IdentifiedArm:
         Complete result of the identification.
     seconds : dict of str to float
         Duration of each stage of the identification [s].
+
+    Attributes
+    ----------
+    estimate : Estimate
+        Estimate of the arm's physically consistent parameters, with standard deviations.
     """
 
     def __init__(self, result: IdentificationResult, seconds: dict[str, float]) -> None:
+        super().__init__(result.robot, result.recommended.estimate)
         self.result = result
         self._seconds = seconds
-
-    @property
-    def estimate(self) -> Estimate:
-        """Estimate of the arm's physically consistent parameters, with standard deviations."""
-        return self.result.recommended.estimate
-
-    @property
-    def robot(self) -> Robot:
-        """Model of the arm with the identified links and gravity."""
-        return self.result.robot.with_inertial_parameters(self.estimate.inertial)
 
     @property
     def parameters(self) -> dict[str, float]:
         """All identified parameters by name, such as `m_link1` or `fv_joint2`, in SI units."""
         names = self.estimate.model.columns
         return dict(zip(names, self.estimate.theta.tolist(), strict=True))
-
-    def torque(
-        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, is_motion: bool = False
-    ) -> Array:
-        """Return the joint torque of the identified model, as `IdentifiedModel.torque` does."""
-        model = IdentifiedModel(self.result.robot, self.estimate)
-        return model.torque(q, dq, ddq, is_motion=is_motion)
 
     @property
     def errors(self) -> list[BagAssessment]:
@@ -286,47 +280,35 @@ def from_arrays(
     IdentificationError
         If an array has the wrong shape.
     """
-    stamp = _numbers('time', time)
-    if stamp.ndim != 1:
-        raise IdentificationError(
-            f'time has the shape {stamp.shape}: pass an array (M,), one value per sample'
-        )
-    position = _numbers('q', q)
-    if position.ndim != 2 or len(position) != len(stamp):
-        raise IdentificationError(
-            f'q has the shape {position.shape}: pass an array (M, n) with M = {len(stamp)}, '
-            'the length of time'
-        )
+    stamp = _numbers('time', time, (None,))
+    position = _numbers('q', q, (len(stamp), None))
     joints = NUMBERED[: position.shape[1]] if names is None else tuple(names)
     if len(joints) != position.shape[1]:
         raise IdentificationError(
             f'q has {position.shape[1]} columns, but names has {len(joints)} joint names: pass one '
             'name per column'
         )
-    velocity, effort = (_like(position, *given) for given in (('dq', dq), ('tau', tau)))
+    effort = _numbers('tau', tau, position.shape)
+    velocity = np.full_like(position, np.nan) if dq is None else _numbers('dq', dq, position.shape)
     return Motion(joints, stamp, position, velocity, effort)
 
 
-def _like(position: Array, word: str, given: npt.ArrayLike | None) -> Array:
-    """Return `given` as an array of the shape of `position`; for None, an array of NaN."""
-    if given is None:
-        return np.full_like(position, np.nan)
-    array = _numbers(word, given)
-    if array.shape != position.shape:
-        raise IdentificationError(
-            f'{word} has the shape {array.shape}: pass an array with the shape of q, '
-            f'{position.shape}'
-        )
-    return array
-
-
-def _numbers(word: str, values: npt.ArrayLike) -> Array:
+def _numbers(word: str, values: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """Return `values` as an array of this shape, in which None is any length; raise otherwise."""
     try:
-        return np.asarray(values, dtype=float)
+        array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise IdentificationError(
             f'{word} is not an array of numbers: pass numbers, in rows of equal length'
         ) from None
+    wanted = tuple(n if m is None else m for m, n in zip(shape, array.shape, strict=False))
+    if len(array.shape) != len(shape) or array.shape != wanted:
+        text = ', '.join('any' if m is None else str(m) for m in shape)
+        raise IdentificationError(
+            f'{word} has the shape {array.shape}: pass an array of shape ({text}), with one row '
+            'per sample'
+        )
+    return array
 
 
 Bag = str | os.PathLike[str] | Motion
@@ -410,14 +392,12 @@ def identify(
         for word, group in zip(('motion', 'validation motion'), groups, strict=True)
     )
     reader.messages += repeated_bags(*paths)
-    if holdout > 0.0:
-        second += [bag.part(1.0 - holdout, 1.0, ' [held out]') for bag in first]
-        first = [bag.part(0.0, 1.0 - holdout, ' [identified]') for bag in first]
+    first, held_out = hold_out(first, holdout)
     chosen = options or IdentificationOptions()
     if cutoff is not None:
         chosen = replace(chosen, conditioning=replace(chosen.conditioning, cutoff=cutoff))
     stopwatch = Stopwatch()
-    result = run(robot, arm, first, second, chosen, stopwatch)
+    result = run(robot, arm, first, second + held_out, chosen, stopwatch)
     result.warnings[:0] = reader.messages
     return IdentifiedArm(result, stopwatch.seconds)
 

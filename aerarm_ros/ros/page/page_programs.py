@@ -8,6 +8,8 @@ import shutil
 import tempfile
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 
 from aerarm_ros.excitation.design_file import TrajectoryFile
@@ -134,21 +136,14 @@ class PagePrograms:
         self._folder = folder.resolve()
         self._arm = {key: value for key, value in arm.items() if value}
         self._drone = {'drone_file': drone_file, 'base_motion': 'free'} if drone_file else {}
-        self._known: dict[tuple[str, int], bool] = {}
 
     def trajectories(self) -> tuple[str, ...]:
         """Return the names of the random motion and of the trajectory files in the directory."""
         names = []
         for path in sorted(self._folder.glob('*.yaml'))[:_MOST_FILES]:
-            try:
-                facts = path.stat()
-            except OSError:
-                continue
-            key = (path.name, facts.st_mtime_ns)
-            if key not in self._known:
-                self._known[key] = facts.st_size < _LARGEST and _is_trajectory(path)
-            if self._known[key]:
-                names.append(path.name)
+            with suppress(OSError):
+                if _is_trajectory(path, path.stat().st_mtime_ns):
+                    names.append(path.name)
         return (RANDOM, *names)
 
     def record(self, name: str) -> str:
@@ -198,7 +193,10 @@ def _has_tool_target(name: str) -> bool:
     return any(parameter.name == _SPEED for parameter in module.PARAMETERS)
 
 
-def _is_trajectory(path: Path) -> bool:
+@lru_cache(maxsize=_MOST_FILES)
+def _is_trajectory(path: Path, modified_ns: int) -> bool:
+    if path.stat().st_size >= _LARGEST:
+        return False
     try:
         TrajectoryFile.load(path)
     except ExcitationError:

@@ -18,6 +18,7 @@ from aerarm_ros.ros.requests.commissioning_client import CommissioningClient, Em
 
 _PERIOD = 0.03  # [s]
 _BRIDGE_TIMEOUT = 5.0  # [s]
+_LINES = 20
 _STOPPED = 'the procedure has stopped, and the motors are off'
 
 
@@ -65,16 +66,12 @@ class PageCommissioning:
 
     @property
     def news(self) -> list[str]:
-        """Lines of text about the latest procedure, with joints, findings and verdicts."""
-        guided = self._client.guided if self._client is not None else None
-        return [] if guided is None else list(guided.news)
-
-    @property
-    def record(self) -> str:
-        """Path of the commissioning record; empty before the record contains a joint."""
-        client = self._client
-        has_any = client is not None and client.guided is not None and client.guided.record.joints
-        return str(client.path) if client is not None and has_any else ''
+        """Lines of text about the latest procedure: joints, findings, verdicts, and the record."""
+        if self._client is None or self._client.guided is None:
+            return []
+        guided = self._client.guided
+        has_record = guided.record.joints and not self.outcome[1]
+        return guided.news[-_LINES:] + [f'record: {self._client.path}'] * bool(has_record)
 
     def begin(self, joints: Sequence[str], resume: bool, emulated: str = '') -> None:
         """Start commissioning the joints `joints`, or all joints of the arm if `joints` is empty.
@@ -158,7 +155,6 @@ class PageCommissioning:
 
 ALL = 'all joints'
 _READING = 1.0  # [s] of display before a prompt can be confirmed, against double clicks
-_LINES = 20
 
 
 class ViewCommissioning:
@@ -217,15 +213,13 @@ class ViewCommissioning:
         self._words.content = indented(self._text(runs, prompt))
 
     def _text(self, runs: bool, prompt: Prompt | None) -> Html:
-        lines = list(self._procedure.news[-_LINES:])
+        lines = self._procedure.news
         if runs:
             step = prompt.text if prompt is not None else 'The bridge is measuring...'
             lines.append(elements().bold(step))
         passed, outcome = self._procedure.outcome
         if outcome:
             lines.append(elements().outcome(passed, outcome, ''))
-        elif self._procedure.record:
-            lines.append(f'record: {self._procedure.record}')
         return Html(elements().lines(lines))
 
     def _toggle(self) -> None:

@@ -174,17 +174,14 @@ class PageRequests:
         """Set the parameter `fault` of a running bridge with emulated boards."""
         with self._lock:
             for bridge in self._bridges:
-                client = self._client(bridge)
+                if bridge not in self._parameters:
+                    self._parameters[bridge] = AsyncParameterClient(self._node, bridge)
+                client = self._parameters[bridge]
                 if client.wait_for_services(_TIMEOUT):
                     return self._set(client, fault)
         return False, (
             'faults need emulated boards, but the node fake_hardware is not running: start it'
         )
-
-    def _client(self, bridge: str) -> AsyncParameterClient:
-        if bridge not in self._parameters:
-            self._parameters[bridge] = AsyncParameterClient(self._node, bridge)
-        return self._parameters[bridge]
 
     def _set(self, client: AsyncParameterClient, fault: str) -> tuple[bool, str]:
         answered = threading.Event()

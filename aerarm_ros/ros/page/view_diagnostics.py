@@ -11,6 +11,9 @@ from typing import Any
 from aerarm_ros.pages.html_text import Html, macros
 
 _ERROR, _STALE = 2, 3  # levels in view.html
+# Ages [s] above which a status is stale, and above which its node has ended. Nodes publish their
+# status once per second.
+_STALE_AFTER, _GONE_AFTER = 3.0, 10.0
 _HINT = 'recovery hint'
 _STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 _TIMING_KEY = re.compile(rf'(.+) ({"|".join(map(re.escape, _STATISTICS))}) \[us\]')
@@ -52,40 +55,21 @@ class ViewStatus:
 
 
 class ViewDiagnostics:
-    """Store the newest diagnostic status of each name, and convert all stored statuses to HTML.
+    """Store the newest diagnostic status of each name, and convert all stored statuses to HTML."""
 
-    Parameters
-    ----------
-    stale_after
-        Age above which the page shows a status as stale [s]. Nodes publish their status once per
-        second.
-    gone_after
-        Age above which the page no longer shows a status, because its node has ended [s].
-    """
-
-    def __init__(self, stale_after: float = 3.0, gone_after: float = 10.0) -> None:
-        self._stale_after = stale_after
-        self._gone_after = gone_after
+    def __init__(self) -> None:
         self._statuses: dict[str, ViewStatus] = {}
 
     def add(self, name: str, status: ViewStatus) -> None:
         """Store a status under its name, and delete the statuses of nodes that have ended."""
         # A copy, because the thread that shows the statuses may be reading the old one.
         latest = {**self._statuses, name: status}
-        self._statuses = {
-            key: kept
-            for key, kept in latest.items()
-            if status.received - kept.received < self._gone_after
-        }
+        self._statuses = dict(self._present(status.received, latest))
 
     def recovery_hint(self, now: float) -> str:
         """Return the recovery hint that the bridge publishes during a fault, or an empty string."""
-        texts = [
-            status.values.get(_HINT, '')
-            for _, status in self._present(now)
-            if self._level(status, now) != _STALE
-        ]
-        return next(filter(None, texts), '')
+        statuses = [one for _, one in self._present(now) if self._level(one, now) != _STALE]
+        return next((one.values[_HINT] for one in statuses if one.values.get(_HINT)), '')
 
     def timing_html(self, now: float) -> Html:
         """Return HTML tables of the timing statistics [us] in all statuses, or an empty string."""
@@ -114,14 +98,16 @@ class ViewDiagnostics:
         return Html(elements().statuses(lines))
 
     def _level(self, status: ViewStatus, now: float) -> int:
-        if now - status.received > self._stale_after:
+        if now - status.received > _STALE_AFTER:
             return _STALE
         # Any node can publish there, with any byte.
         return status.level if status.level <= _STALE else _ERROR
 
-    def _present(self, now: float) -> list[tuple[str, ViewStatus]]:
-        statuses = sorted(self._statuses.items())
-        return [(n, status) for n, status in statuses if now - status.received < self._gone_after]
+    def _present(
+        self, now: float, statuses: Mapping[str, ViewStatus] | None = None
+    ) -> list[tuple[str, ViewStatus]]:
+        known = sorted((self._statuses if statuses is None else statuses).items())
+        return [(name, status) for name, status in known if now - status.received < _GONE_AFTER]
 
 
 def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:

@@ -166,8 +166,7 @@ class ViewFeed:
         self._powers = RawReader(node, topics.MOTOR_POWER)
         self._power_cdr = Float64ArrayCdr(n)
         self._row = np.full((len(ROWS), n), np.nan)
-        # Reception times of states, commands, motors and powers.
-        self._received_at = np.full(4, -np.inf)
+        self._received_at = np.full(8, -np.inf)  # reception times of the first rows
         self._odometry: Odometry | None = None
         if has_base:
             topic = topics.ODOMETRY
@@ -222,20 +221,14 @@ class ViewFeed:
 
     def _take_rest(self, now: float) -> None:
         command, motors = self._commands.newest(), self._motors.newest()
-        if command is not None:
-            self._row[3:6] = command
-            self._received_at[1] = now
-        if motors is not None:
-            self._row[6] = motors[2]
-            self._received_at[2] = now
+        current = None if motors is None else motors[2]
         message = self._powers.take_newest()
         power = None if message is None else self._power_cdr.unpack(message[0])
-        if power is not None:
-            self._row[7] = power
-            self._received_at[3] = now
-        old = now - self._received_at[1:] > _STALE
-        self._row[3:6][:, :] = np.nan if old[0] else self._row[3:6]
-        self._row[6:8][old[1:]] = np.nan
+        for rows, values in ((slice(3, 6), command), (6, current), (7, power)):
+            if values is not None:
+                self._row[rows] = values
+                self._received_at[rows] = now
+        self._row[3:8][now - self._received_at[3:8] > _STALE] = np.nan
 
     def _take_windows(self) -> None:
         """Store the minima and maxima of all time windows received since the last sample."""
@@ -328,16 +321,13 @@ class ViewPlots:
         self._names, self._limits = names, limits
         self._duration = duration
         panel = gui.add_panel()
-        self._tab = panel.add_tab('Plots')
-        with self._tab:
+        with panel.add_tab('Plots'):
             with gui.add_folder('Quantities', expand_by_default=False):
                 quantities = [*_QUANTITIES, *(_BASE if has_base else ())]
                 boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in quantities}
                 self._with_limits = gui.add_checkbox('draw the limits', False)
             gui.add_html(_legend(names))
-            self._has_windows = False
             self._plots = {q: self._add(gui, q) for q in quantities}
-        self._gui = gui
         for quantity, box in boxes.items():
             box.on_update(partial(self._show, quantity))
         panel.dock_right()
@@ -355,8 +345,6 @@ class ViewPlots:
         """
         if len(time) < 2:
             return
-        if not self._has_windows and np.isfinite(values[-1, ROWS.index(_MINIMA[0])]).any():
-            self._show_windows()
         for quantity, plot in self._plots.items():
             if plot.visible and quantity.value:
                 plot.data = self._columns(quantity, time, values)
@@ -376,12 +364,12 @@ class ViewPlots:
             return (time, *np.ascontiguousarray(np.nan_to_num(error.T)))
         rows = np.nan_to_num(values[:, ROWS.index(quantity.value)].T)
         columns = [rows]
-        # A missing reference repeats the joint's value, because gaps would remove the plot's
-        # scale.
+        # A missing reference, minimum or maximum repeats the joint's value, because gaps would
+        # remove the plot's scale, and a plot cannot change its number of lines.
         if quantity.reference:
             wanted = values[:, ROWS.index(quantity.reference)].T
             columns.insert(0, np.where(np.isnan(wanted), rows, wanted))
-        if self._has_extremes(quantity):
+        if quantity.value in _WINDOWED:
             for side in (f'{quantity.value}_min', f'{quantity.value}_max'):
                 extreme = values[:, ROWS.index(side)].T
                 columns.insert(-1, np.where(np.isnan(extreme), rows, extreme))
@@ -391,28 +379,11 @@ class ViewPlots:
             columns.insert(0, np.broadcast_to(shown, (2, *rows.shape)).reshape(-1, len(time)))
         return (time, *(np.ascontiguousarray(row) for part in columns for row in part))
 
-    def _has_extremes(self, quantity: _Quantity) -> bool:
-        return self._has_windows and quantity.value in _WINDOWED
-
-    def _show_windows(self) -> None:
-        """Replace the plots by plots with a band from the minimum to the maximum of each window.
-
-        New plots are necessary, because a plot cannot change its number of lines.
-        """
-        self._has_windows = True
-        with self._tab:
-            for quantity, plot in self._plots.items():
-                if self._has_extremes(quantity):
-                    self._plots[quantity] = self._add(self._gui, quantity, plot)
-                    plot.remove()
-
     def _show(self, quantity: _Quantity, event: viser.GuiEvent[viser.GuiCheckboxHandle]) -> None:
         self._plots[quantity].visible = event.target.value
 
-    def _add(
-        self, gui: viser.GuiApi, quantity: _Quantity, old: viser.GuiUplotHandle | None = None
-    ) -> viser.GuiUplotHandle:
-        """Create a plot of a quantity; a given plot `old` determines its place in the panel.
+    def _add(self, gui: viser.GuiApi, quantity: _Quantity) -> viser.GuiUplotHandle:
+        """Create a plot of a quantity.
 
         The time axis is fixed, because an automatic time axis would not follow later data.
         """
@@ -429,8 +400,7 @@ class ViewPlots:
             height=_HEIGHT,
             padding=_PADDING,
             bands=self._bands(quantity, len(series)),
-            order=None if old is None else old.order,
-            visible=quantity.is_shown if old is None else old.visible,
+            visible=quantity.is_shown,
         )
 
     def _series(self, quantity: _Quantity) -> list[viser.uplot.Series]:
@@ -440,7 +410,7 @@ class ViewPlots:
             return [_line(label, _color(k)) for k, label in enumerate(labels)]
         colors = [_color(k) for k in range(len(self._names))]
         lines = [_line(name, color) for name, color in zip(self._names, colors, strict=True)]
-        if self._has_extremes(quantity):
+        if quantity.value in _WINDOWED:
             lines = [_line(side, f'{c}60') for side in _SIDES for c in colors] + lines
         # The curves of the joints are last, so that they are drawn on top.
         if quantity.reference:
@@ -451,7 +421,7 @@ class ViewPlots:
 
     def _bands(self, quantity: _Quantity, count: int) -> tuple[viser.uplot.Band, ...] | None:
         """Return one band per joint, which fills the area from the minimum to the maximum."""
-        if not self._has_extremes(quantity):
+        if quantity.value not in _WINDOWED:
             return None
         n = len(self._names)
         first = 1 + count - 3 * n  # series 0 is the time; minima, maxima and joints are last

@@ -186,5 +186,4 @@ def _shapes(robot: Robot) -> list[pin.GeometryObject]:
 
 def _wxyz(rotation: Array) -> Array:
     """Convert a rotation matrix to a unit quaternion, real part first."""
-    x, y, z, w = pin.Quaternion(rotation).coeffs()
-    return np.array([w, x, y, z])
+    return np.roll(pin.Quaternion(rotation).coeffs(), 1)

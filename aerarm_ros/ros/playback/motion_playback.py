@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.topics import Topic
 from aerarm_ros.excitation.player import ExcitationPlayer
 from aerarm_ros.excitation.settings import ExcitationError
 from aerarm_ros.hardware.bridge_modes import COMMANDABLE, to_switch_on
@@ -33,34 +31,31 @@ class DampingAccount:
     """Count how often and for how long the bridge damped the arm during a motion.
 
     If commands arrive too late, the bridge damps the arm until the next command. The motion then
-    continues, but it deviates from the plan. Times are on the monotonic clock.
+    continues, but it deviates from the plan.
+
+    Attributes
+    ----------
+    begin_ns, end_ns
+        Begin and end of the motion on the monotonic clock [ns].
     """
 
     def __init__(self) -> None:
         self._modes: list[tuple[int, str]] = []
-        self._begin = self._end = 0
+        self.begin_ns = self.end_ns = 0
 
     def note(self, mode: str, now_ns: int) -> None:
         """Store a mode of the arm and its reception time [ns]; callable from any thread."""
         self._modes.append((now_ns, mode))
-
-    def begin(self, now_ns: int) -> None:
-        """Store the start time of the motion [ns]."""
-        self._begin = self._end = now_ns
-
-    def end(self, now_ns: int) -> None:
-        """Store the end time of the motion [ns]."""
-        self._end = now_ns
 
     @property
     def damped(self) -> tuple[int, float]:
         """Number and total duration [s] of the intervals in which the bridge damped the arm."""
         times, total = 0, 0
         modes = sorted(self._modes)
-        ends = [when for when, _ in modes[1:]] + [self._end]
+        ends = [when for when, _ in modes[1:]] + [self.end_ns]
         before = ''
         for (start, mode), stop in zip(modes, ends, strict=True):
-            overlap = min(stop, self._end) - max(start, self._begin)
+            overlap = min(stop, self.end_ns) - max(start, self.begin_ns)
             if mode == _DAMPED and overlap > 0:
                 total += overlap
                 times += before != _DAMPED
@@ -70,7 +65,7 @@ class DampingAccount:
     @property
     def share(self) -> float:
         """Fraction of the motion's duration in which the bridge damped the arm (0 to 1)."""
-        duration = 1e-9 * (self._end - self._begin)
+        duration = 1e-9 * (self.end_ns - self.begin_ns)
         return self.damped[1] / duration if duration > 0.0 else 0.0
 
     @property
@@ -99,18 +94,12 @@ _ADVICE = {
 }
 # [s] in which all nodes of the domain have announced themselves (config/fastdds.xml).
 _DISCOVERY_TIME = 0.5
-_DEPTH = 100  # queue length in messages
+_DEPTH = 100  # queue length in messages: every mode counts, however fast they change
 _LISTENERS = {
     topics.JOINT_COMMAND.name: 'check that the bridge runs, and the recorder if it is used',
     topics.JOINT_STATES.name: 'check that the recorder runs',
 }
 _ENABLE = "run 'arm enable' (the arm moves)"
-
-
-def _all_of(topic: Topic) -> QoSProfile:
-    return QoSProfile(
-        depth=_DEPTH, reliability=topic.qos.reliability, durability=topic.qos.durability
-    )
 
 
 class StartConditions:
@@ -158,8 +147,7 @@ class StartConditions:
             (topics.ARM_MODE, self._on_mode),
             (topics.RECORDER_STATUS, self._on_recorder_status),
         ):
-            # Every mode counts, however fast they change.
-            node.create_subscription(topic.type, topic.name, callback, _all_of(topic))
+            node.create_subscription(topic.type, topic.name, callback, topic.queued(_DEPTH).qos)
 
     def missing(self) -> list[str]:
         """Return one phrase for each start condition that is not met.
@@ -328,7 +316,7 @@ class MotionPlayback:
         """
         progress = ProgressLine(self._name)
         received = time.monotonic()
-        self.damping.begin(time.monotonic_ns())
+        self.damping.begin_ns = self.damping.end_ns = time.monotonic_ns()
         try:
             while not player.done:
                 self.states.wait(silence)
@@ -352,7 +340,7 @@ class MotionPlayback:
             # A signal that stops all nodes also ends the bridge, which does not wait for them.
             self._logger.info(f'the node stopped, but the arm may still move: {error}')
         finally:
-            self.damping.end(time.monotonic_ns())
+            self.damping.end_ns = time.monotonic_ns()
             progress.close()
         if player.fault is not None:
             raise ExcitationError(player.fault)

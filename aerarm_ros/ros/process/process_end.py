@@ -38,9 +38,10 @@ def print_error(name: str, error: object) -> None:
     _print(f'{name}: {" ".join(str(error).split())}', sys.stderr)
 
 
-def print_notice(name: str, notice: str) -> None:
-    """Print a notice on standard error; a closed stream is no error."""
-    _print(f'{name}: {notice}', sys.stderr)
+def print_notice(name: str, *notices: str) -> None:
+    """Print each notice on one line of standard error; a closed stream is no error."""
+    for notice in notices:
+        _print(f'{name}: {notice}', sys.stderr)
 
 
 def print_answer(answer: str) -> None:

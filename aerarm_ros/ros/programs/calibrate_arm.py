@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from datetime import datetime
 from pathlib import Path
 
@@ -53,7 +54,7 @@ class CalibrateArm:
     def __init__(self, node: Node, options: argparse.Namespace) -> None:
         self._node, self._options = node, options
         self._request = SetPointRequest(node)
-        self._state: JointState | None = None
+        self._state = JointState()
         self._joints: tuple[str, ...] = ()
         topic = topics.JOINT_STATES
         node.create_subscription(topic.type, topic.name, self._on_state, topic.qos)
@@ -70,7 +71,7 @@ class CalibrateArm:
         options = self._options
         if options.marker_normal and not options.camera:
             raise ArmClientError('--marker-normal needs the position of the camera: add --camera')
-        if not spin_until(self._node, lambda: self._state is not None, options.timeout):
+        if not spin_until(self._node, lambda: bool(self._state.name), options.timeout):
             raise ArmClientError('no joint states received: check that the bridge runs')
         sensors = self._find_sensors()
         try:
@@ -78,7 +79,7 @@ class CalibrateArm:
         except ValueError as error:
             raise ArmClientError(str(error)) from None
         if options.dry_run:
-            _print_postures(postures)
+            np.savetxt(sys.stdout, postures, '%.4f')
             return
         bag = Path(options.out or f'calibration_{datetime.now():%Y%m%d_%H%M%S}')
         if bag.exists():
@@ -159,7 +160,12 @@ class CalibrateArm:
     def _visit(self, postures: Array) -> None:
         options = self._options
         for number, posture in enumerate(postures, start=1):
-            self._request.go(posture.tolist(), _TOLERANCE, options.timeout, _print_wait)
+            self._request.go(
+                posture.tolist(),
+                _TOLERANCE,
+                options.timeout,
+                lambda what: print_notice('arm', f'waiting for {what}'),
+            )
             if not spin_until(self._node, self._is_at_rest, options.timeout):
                 raise ArmClientError(
                     f'the arm did not come to rest in posture {number} within '
@@ -201,12 +207,10 @@ class CalibrateArm:
         return sensors
 
     def _is_at_rest(self) -> bool:
-        assert self._state is not None
         return bool(np.abs(self._state.velocity).max(initial=0.0) < _REST_SPEED)
 
     def _position(self) -> Array:
         """Return the newest joint positions (n,) [rad], in the joint order of the URDF."""
-        assert self._state is not None
         positions = dict(zip(self._state.name, self._state.position, strict=False))
         missing = [name for name in self._joints if name not in positions]
         if missing:
@@ -217,7 +221,6 @@ class CalibrateArm:
         return np.array([positions[name] for name in self._joints])
 
     def _stamp(self) -> float:
-        assert self._state is not None
         stamp = self._state.header.stamp
         return float(stamp.sec + 1e-9 * stamp.nanosec)
 
@@ -238,12 +241,3 @@ def _has_begun(bag: Path, recorder: NodeProcess) -> bool:
             'check the log of the recorder'
         )
     return any(bag.glob('*.mcap'))
-
-
-def _print_wait(what: str) -> None:
-    print_notice('arm', f'waiting for {what}')
-
-
-def _print_postures(postures: Array) -> None:
-    for posture in postures:
-        print(' '.join(f'{angle:.4f}' for angle in posture), flush=True)

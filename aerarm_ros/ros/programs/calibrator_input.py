@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from aerarm_msgs_py.bags.bag_reader import read_contents
 from aerarm_msgs_py.bags.pose_series import IMU, ODOMETRY, TF, PoseSeries, read_poses
-from aerarm_msgs_py.storage.read_limits import BagWarning
 from aerarm_ros.calibration.chain import Chain, chain_of
 from aerarm_ros.calibration.observations import (
     CalibrationError,
@@ -28,7 +27,7 @@ from aerarm_ros.description.robot import STANDARD_GRAVITY
 from aerarm_ros.description.urdf_document import UrdfDocument
 from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.programs.identifier_options import pair
+from aerarm_ros.ros.programs.identifier_bags import collected_warnings
 
 # Topics of this suite with positions that are no measurement of the arm.
 _SUITE_TOPICS = ('tool_pose', 'tool_trajectory', 'tool_goal', 'arm_com', 'flight_set_point')
@@ -66,6 +65,10 @@ class CalibratorInput:
     ----------
     joints : tuple of str
         Names of the joints whose positions the file contains.
+    content : PostureTable or JointRecording
+        Postures in which the arm rests, or positions of the moving joints.
+    tracks : list of Track
+        Measurements during a recorded motion.
     mapping : list of str
         Texts that state how the program interprets the columns or topics.
     messages : list of str
@@ -74,8 +77,7 @@ class CalibratorInput:
 
     path: Path
     joints: tuple[str, ...]
-    table: PostureTable | None = None
-    recording: JointRecording | None = None
+    content: PostureTable | JointRecording
     tracks: list[Track] = field(default_factory=list)
     mapping: list[str] = field(default_factory=list)
     messages: list[str] = field(default_factory=list)
@@ -116,14 +118,11 @@ def to_observations(
         If the arm never rests, or the input has no measurements.
     """
     names = chain.robot.joint_names
-    if given.table is not None and not _is_moving(given.table):
-        return _of_table(given.table, names, given.path, options)
-    recording, tracks = given.recording, given.tracks
-    if recording is None:
-        assert given.table is not None
-        recording, tracks = _recording_of(given.table, given.path)
+    if isinstance(given.content, PostureTable):
+        return _of_table(given.content, names, given.path, options)
+    recording = given.content
     q = recording.columns(names)
-    tracks = [track for track in tracks if track.name not in options.ignore]
+    tracks = [track for track in given.tracks if track.name not in options.ignore]
     if not tracks:
         raise CalibrationError(
             f'no markers or poses of {given.path} remain after the selection by --sensors, '
@@ -159,7 +158,7 @@ def _eye_in_hand(poses: Sequence[str], path: Path, options: argparse.Namespace) 
 def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
     document = UrdfDocument(urdf)
     known = [name for name, joint in document.joints.items() if joint.is_driven]
-    rename = dict(pair(text, '--rename', 'COLUMN=JOINT') for text in options.rename)
+    rename = dict(options.rename)
     prismatic = [name for name in known if document.joints[name].kind == 'prismatic']
     table = read_postures(path, known, options.length_unit, options.degrees, rename, prismatic)
     for name in options.ignore:
@@ -169,25 +168,16 @@ def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> Calibrato
     mapping = list(table.mapping)
     if table.unused:
         mapping.append(f'columns not used: {", ".join(table.unused)}')
-    return CalibratorInput(path, tuple(table.joints), table=table, mapping=mapping)
+    names = tuple(table.joints)
+    if not _is_moving(table):
+        return CalibratorInput(path, names, table, mapping=mapping)
+    return CalibratorInput(path, names, *_recording_of(table, path), mapping)
 
 
 def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
     messages: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter('always')
-        contents = read_contents(path, options.topic, most=_MAX_STATES)
-        series = read_poses(path, options.sensors, options.frames)
-    messages += [str(w.message) for w in caught if issubclass(w.category, BagWarning)]
-    states = contents.joint_states['/' + options.topic.lstrip('/')]
-    rename = dict(pair(text, '--rename', 'COLUMN=JOINT') for text in options.rename)
-    names = tuple(rename.get(name, name) for name in states.names)
-    order = np.argsort(states.stamp, kind='stable')
-    kept = np.concatenate([[True], np.diff(states.stamp[order]) > 0.0])
-    order = order[kept]
-    complete = np.isfinite(states.position[order]).all(axis=1)
-    order = order[complete]
-    recording = JointRecording(names, states.stamp[order], states.position[order])
+    with collected_warnings(messages):
+        recording, series, clock = _read_contents(path, options, options.sensors)
     used = {name: one for name, one in series.items() if _is_sensor(name, one, options)}
     # robot_state_publisher computes the frames of the links from the joint positions.
     links = [] if options.frames else sorted(
@@ -195,7 +185,7 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
     )  # fmt: skip
     for name in links:
         del used[name]
-    tracks = [_track(name, one, states.stamp[0], states.log_time[0]) for name, one in used.items()]
+    tracks = [_track(name, one, *clock) for name, one in used.items()]
     if not tracks:
         listed = ', '.join(f'{name} ({one.kind})' for name, one in series.items()) or 'none'
         raise CalibrationError(
@@ -209,7 +199,24 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
             'frames, name it with --frames'
         )
     mapping += [f'{"marker" if t.rotation is None else "pose"}: {t.name}' for t in tracks]
-    return CalibratorInput(path, names, None, recording, tracks, mapping, messages)
+    return CalibratorInput(path, recording.names, recording, tracks, mapping, messages)
+
+
+def _read_contents(
+    path: Path, options: argparse.Namespace, sensors: Sequence[str]
+) -> tuple[JointRecording, dict[str, PoseSeries], tuple[float, float]]:
+    """Return a bag's joint states and poses, and time stamp and reception time of the first state.
+
+    The joint states have increasing stamps and finite positions.
+    """
+    contents = read_contents(path, options.topic, most=_MAX_STATES)
+    series = read_poses(path, sensors, options.frames)
+    states, rename = contents.joint_states['/' + options.topic.lstrip('/')], dict(options.rename)
+    _, order = np.unique(states.stamp, return_index=True)
+    order = order[np.isfinite(states.position[order]).all(axis=1)]
+    names = tuple(rename.get(name, name) for name in states.names)
+    recording = JointRecording(names, states.stamp[order], states.position[order])
+    return recording, series, (float(states.stamp[0]), float(states.log_time[0]))
 
 
 @dataclass(eq=False)
@@ -240,10 +247,8 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
     BagError, CalibrationError
         If the bag cannot be read, or does not contain the drone's pose.
     """
-    contents = read_contents(path, options.topic, most=_MAX_STATES)
-    states = contents.joint_states['/' + options.topic.lstrip('/')]
     sensors = [options.drone_pose, options.imu, *options.sensors] if options.sensors else []
-    series = read_poses(path, sensors, options.frames)
+    joints, series, clock = _read_contents(path, options, sensors)
     name, imu_name = ('/' + text.lstrip('/') for text in (options.drone_pose, options.imu))
     pose = series.pop(name, None) or series.pop(options.drone_pose, None)
     if pose is None or pose.kind == IMU or not np.isfinite(pose.quaternion).all():
@@ -255,9 +260,7 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
         )
     imu = series.pop(imu_name, None)
     used = {key: one for key, one in series.items() if _is_sensor(key, one, options)}
-    clock = float(states.stamp[0]), float(states.log_time[0])
     markers = [_track(key, one, *clock) for key, one in used.items()]
-    joints = JointRecording(states.names, states.stamp, states.position)
     return FlightRecording(
         joints,
         _track(name, pose, *clock),
@@ -292,9 +295,8 @@ def _matrices(quaternion: Array) -> Array:
     from scipy.spatial.transform import Rotation
 
     found = np.full((len(quaternion), 3, 3), np.nan)
-    seen = np.isfinite(quaternion).all(axis=1) & (
-        np.linalg.norm(np.nan_to_num(quaternion), axis=1) > 0.5
-    )
+    norm = np.linalg.norm(quaternion, axis=1)
+    seen = np.isfinite(norm) & (norm > 0.5)
     found[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
     return found
 
@@ -361,34 +363,21 @@ def joined(parts: Sequence[Observations]) -> Observations:
     CalibrationError
         If the files contain different markers or poses.
     """
-    first = parts[0]
-    if len(parts) == 1:
-        return first
-    sources: list[Source] = []
-    for k, source in enumerate(first.sources):
-        own = [part.sources[k] for part in parts if k < len(part.sources)]
-        if len(own) < len(parts) or any(
-            type(one) is not type(source) or one.unknowns != source.unknowns for one in own
-        ):
-            raise CalibrationError(
-                'the files of --bag contain different markers or poses: calibrate each file '
-                'separately, or exclude the differing markers and poses with --ignore'
-            )
-        sources.append(_stacked(source, own))
+    kinds = [[(type(source), source.unknowns) for source in part.sources] for part in parts]
+    if any(kind != kinds[0] for kind in kinds):
+        raise CalibrationError(
+            'the files of --bag contain different markers or poses: calibrate each file '
+            'separately, or exclude the differing markers and poses with --ignore'
+        )
+    sources = map(_stacked, *(part.sources for part in parts))
     labels = tuple(label for part in parts for label in part.labels)
     return Observations(np.vstack([part.q for part in parts]), tuple(sources), labels)
 
 
-def _stacked(source: Source, parts: Sequence[Source]) -> Source:
-    if isinstance(source, MarkerSource):
-        whole = np.concatenate([p.position for p in parts if isinstance(p, MarkerSource)])
-        return replace(source, position=whole)
-    if isinstance(source, PoseSource):
-        poses = [p for p in parts if isinstance(p, PoseSource)]
-        rotation = np.concatenate([p.rotation for p in poses])
-        return replace(
-            source, rotation=rotation, position=np.concatenate([p.position for p in poses])
-        )
-    assert isinstance(source, PlaneSource)
-    touches = np.concatenate([p.touches for p in parts if isinstance(p, PlaneSource)])
-    return replace(source, touches=touches)
+def _stacked(*parts: Source) -> Source:
+    """Return one source with the measurements, one row per posture, of all parts."""
+    names = [name for name, value in vars(parts[0]).items() if isinstance(value, np.ndarray)]
+    values: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in names
+    }
+    return replace(parts[0], **values)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 import numpy as np
@@ -20,10 +19,11 @@ from aerarm_ros.calibration.mount import (
 )
 from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.description.config_reader import config_path
-from aerarm_ros.description.drone_config import PoseConfig, load_drone_config
+from aerarm_ros.description.drone_config import DroneConfig, PoseConfig, load_drone_config
 from aerarm_ros.description.robot import read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.pages.html_text import origin, page, paragraph, section, table
+from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.calibrator_input import FlightRecording, read_flight
 from aerarm_ros.ros.programs.identifier_options import result_folder
 
@@ -37,8 +37,8 @@ _NOTE = (
 )
 
 
-class MountRun:
-    """Estimate the poses of the arm's base and of the IMU on the drone from one bag.
+def calibrate_on_drone(options: argparse.Namespace) -> str:
+    """Estimate the poses of arm and IMU on a drone, write the results, and return a table to print.
 
     Parameters
     ----------
@@ -47,82 +47,70 @@ class MountRun:
 
     Raises
     ------
-    CalibrationError, ConfigError, DescriptionError
-        If an option or a file is wrong.
+    CalibrationError, ConfigError, DescriptionError, BagError, IdentificationError
+        If an option, a file or the bag is wrong, or the result cannot be written.
     """
-
-    def __init__(self, options: argparse.Namespace) -> None:
-        self._options = options
-        if len(options.bag) != 1:
-            raise CalibrationError(
-                '--mount needs exactly one recording, in which drone and arm move: pass one file '
-                'to --bag'
-            )
-        self._source = config_path(options.drone, 'drone.yaml')
-        self._drone = load_drone_config(self._source)
-        self._urdf, _ = read_urdf(options.urdf)
-
-    def execute(self) -> str:
-        """Estimate the poses, write the drone file and a report, and return a table to print.
-
-        Raises
-        ------
-        CalibrationError, BagError, IdentificationError
-            If the bag cannot be used, or the result cannot be written.
-        """
-        options = self._options
-        with ResultDirectory(result_folder(options, 'mount'), files=MOUNT_FILES) as directory:
-            flight = read_flight(options.bag[0], options)
-            mount = self._mount(flight)
-            imu = self._imu(flight)
-            text = drone_yaml(self._source, mount.pose, imu.pose if imu else None)
-            directory.write(DRONE, text)
-            load_drone_config(directory.path(DRONE))  # an unreadable file discards the result
-            rows = self._rows(mount, imu)
-            directory.write_json(MARKER, _summary(mount, imu))
-            directory.write(REPORT, _html(rows))
-        lines = [f'{name}: {value}' for name, value in rows]
-        return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
-
-    def _imu(self, flight: FlightRecording) -> ImuResult | None:
-        """Estimate the pose of the IMU; if this fails, print the reason and return None."""
-        values = flight.imu
-        unchanged = f'{DRONE} keeps the pose of the IMU from the input file {self._source.name}'
-        if values is None:
-            _print(
-                f'the bag has no IMU samples on {self._options.imu} (--imu), therefore {unchanged}'
-            )
-            return None
-        try:
-            return calibrate_imu(
-                flight.drone, values.stamp, values.angular_velocity, values.linear_acceleration
-            )
-        except CalibrationError as error:
-            _print(f'{unchanged}, because the calibration of the IMU failed: {error}')
-            return None
-
-    def _mount(self, flight: FlightRecording) -> MountResult:
-        options, joints = self._options, flight.joints
-        gravity = self._drone.gravity_in_base.tolist()
-        chain = chain_of(self._urdf, joints.names, options.link, options.lock, gravity)
+    if len(options.bag) != 1:
+        raise CalibrationError(
+            '--mount needs exactly one recording, in which drone and arm move: pass one file to '
+            '--bag'
+        )
+    source = config_path(options.drone, 'drone.yaml')
+    drone, (urdf, _) = load_drone_config(source), read_urdf(options.urdf)
+    with ResultDirectory(result_folder(options, 'mount'), files=MOUNT_FILES) as directory:
+        flight = read_flight(options.bag[0], options)
+        gravity, joints = drone.gravity_in_base.tolist(), flight.joints
+        chain = chain_of(urdf, joints.names, options.link, options.lock, gravity)
         geometry = ArmGeometry(chain.robot, chain.link)
         q = joints.columns(chain.robot.joint_names)
-        return calibrate_mount(geometry, joints.time, q, flight.drone, flight.markers)
-
-    def _rows(self, mount: MountResult, imu: ImuResult | None) -> list[tuple[str, str]]:
-        drone = self._drone
-        rows = [
-            *_pose_rows('mount', mount.pose, drone.mount),
-            ('marker residual [mm RMS per axis]', f'{1e3 * mount.fit.length:.2f}'),
-            ('delay of joint states [ms]', f'{1e3 * mount.late:.1f}'),
-        ]
+        mount = calibrate_mount(geometry, joints.time, q, flight.drone, flight.markers)
+        imu = _imu(flight, options.imu, source.name)
+        directory.write(DRONE, drone_yaml(source, mount.pose, imu.pose if imu else None))
+        load_drone_config(directory.path(DRONE))  # an unreadable file discards the result
+        rows = _rows(drone, mount, imu)
+        found: dict[str, Any] = {'mount': _plain(mount.pose), 'joint_states_late': mount.late}
         if imu is not None:
-            rows += [
-                *_pose_rows('imu', imu.pose, drone.imu),
-                ('delay of IMU [ms]', f'{1e3 * imu.late:.1f}'),
-                ('accelerometer bias [m/s^2]', _numbers(imu.bias, 3)),
-            ]
-        return rows
+            found |= {'imu': _plain(imu.pose), 'imu_late': imu.late}
+        directory.write_json(MARKER, found)
+        body = [paragraph(_NOTE, 'lead'), section('Poses', table(['quantity', 'value'], rows))]
+        directory.write(REPORT, page('Calibration of mount and IMU', '', body, origin()))
+    lines = [f'{name}: {value}' for name, value in rows]
+    return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
+
+
+def _imu(flight: FlightRecording, topic: str, source: str) -> ImuResult | None:
+    """Estimate the pose of the IMU; if this fails, print the reason and return None."""
+    values = flight.imu
+    unchanged = f'{DRONE} keeps the pose of the IMU from the input file {source}'
+    if values is None:
+        print_notice(
+            'calibrator', f'the bag has no IMU samples on {topic} (--imu), therefore {unchanged}'
+        )
+        return None
+    try:
+        return calibrate_imu(
+            flight.drone, values.stamp, values.angular_velocity, values.linear_acceleration
+        )
+    except CalibrationError as error:
+        print_notice(
+            'calibrator', f'{unchanged}, because the calibration of the IMU failed: {error}'
+        )
+        return None
+
+
+def _rows(drone: DroneConfig, mount: MountResult, imu: ImuResult | None) -> list[tuple[str, str]]:
+    rows = [
+        *_pose_rows('mount', mount.pose, drone.mount),
+        ('marker residual [mm RMS per axis]', f'{1e3 * mount.fit.length:.2f}'),
+        ('delay of joint states [ms]', f'{1e3 * mount.late:.1f}'),
+    ]
+    if imu is not None:
+        rows += [
+            *_pose_rows('imu', imu.pose, drone.imu),
+            ('delay of IMU [ms]', f'{1e3 * imu.late:.1f}'),
+            ('accelerometer bias [m/s^2]', _numbers(imu.bias, 3)),
+        ]
+    return rows
 
 
 def _pose_rows(name: str, pose: FramePose, drawn: PoseConfig) -> list[tuple[str, str]]:
@@ -141,30 +129,10 @@ def _pose_rows(name: str, pose: FramePose, drawn: PoseConfig) -> list[tuple[str,
     ]
 
 
-def _summary(mount: MountResult, imu: ImuResult | None) -> dict[str, Any]:
-    found: dict[str, Any] = {'mount': _plain(mount.pose), 'joint_states_late': mount.late}
-    if imu is not None:
-        found |= {'imu': _plain(imu.pose), 'imu_late': imu.late}
-    return found
-
-
 def _plain(pose: FramePose) -> dict[str, Any]:
-    return {
-        'position': pose.position.tolist(),
-        'rpy': pose.rpy.tolist(),
-        'position_std': pose.position_std.tolist(),
-        'rotation_std': pose.rotation_std.tolist(),
-    }
-
-
-def _html(rows: list[tuple[str, str]]) -> str:
-    body = [paragraph(_NOTE, 'lead'), section('Poses', table(['quantity', 'value'], rows))]
-    return page('Calibration of mount and IMU', '', body, origin())
+    names = ('position', 'rpy', 'position_std', 'rotation_std')
+    return {name: getattr(pose, name).tolist() for name in names}
 
 
 def _numbers(values: Any, digits: int) -> str:
     return ', '.join(f'{float(value):.{digits}f}' for value in values)
-
-
-def _print(text: str) -> None:
-    print(f'calibrator: {text}', file=sys.stderr)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -13,10 +11,11 @@ from aerarm_ros.calibration.files import calibrated_urdf, calibration_yaml, conf
 from aerarm_ros.calibration.geometry import Tolerance
 from aerarm_ros.calibration.observations import CalibrationError, Observations
 from aerarm_ros.calibration.report import calibration_html, calibration_text
-from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.description.robot import read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
+from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.calibrator_input import find_chain, joined, read_input, to_observations
 from aerarm_ros.ros.programs.identifier_options import result_folder
 
@@ -26,8 +25,8 @@ RESULT_FILES = (URDF, YAML, CONFIG, REPORT, MARKER)
 _SEED = 0  # seed of the random choice of held-out postures
 
 
-class CalibratorRun:
-    """Calibrate an arm with the options of the command line.
+def calibrate_arm(options: argparse.Namespace) -> str:
+    """Calibrate an arm, write the result folder, and return a table for the terminal.
 
     Parameters
     ----------
@@ -36,92 +35,62 @@ class CalibratorRun:
 
     Raises
     ------
-    CalibrationError, ConfigError, DescriptionError
-        If an option, the URDF or the configuration is wrong.
+    CalibrationError, ConfigError, DescriptionError, BagError, IdentificationError
+        If an option or the input cannot be used, or the result cannot be written.
     """
-
-    def __init__(self, options: argparse.Namespace) -> None:
-        if not 0.0 <= options.holdout < 1.0:
-            raise CalibrationError(
-                f'--holdout {options.holdout:g} is invalid: pass a fraction of at least 0 and '
-                'below 1'
-            )
-        self._options = options
-        length, angle = options.tolerance
-        if not (0.0 < length < np.inf and 0.0 < angle < np.inf):
-            raise CalibrationError(
-                f'--tolerance {length:g} {angle:g} is invalid: pass two positive numbers, a length '
-                '[mm] and an angle [mrad]'
-            )
-        self._choice = CalibrationOptions(
-            options.level,
-            not options.no_compliance,
-            options.eccentricity,
-            Tolerance(1e-3 * length, 1e-3 * angle),
+    urdf, _ = read_urdf(options.urdf)
+    # The packaged configuration fits only the packaged URDF.
+    has_config = options.config is not None or options.urdf is None
+    source = config_path(options.config, 'aerarm.yaml') if has_config else None
+    config = None if source is None else load_arm_config(source)
+    with ResultDirectory(result_folder(options, 'calibration'), files=RESULT_FILES) as directory:
+        result, mapping = _calibrate(options, urdf, config)
+        has_offsets = config is not None and set(result.joint_values('offset')) <= set(
+            config.joint_names
         )
-        self._urdf, _ = read_urdf(options.urdf)
-        # The packaged configuration fits only the packaged URDF.
-        has_config = options.config is not None or options.urdf is None
-        self._config_path = config_path(options.config, 'aerarm.yaml') if has_config else None
-        self._config = load_arm_config(self._config_path) if has_config else None
-
-    def execute(self) -> str:
-        """Estimate the errors, write the result folder, and return a table for the terminal.
-
-        Raises
-        ------
-        CalibrationError, BagError, IdentificationError
-            If the input cannot be used, or the result cannot be written.
-        """
-        options = self._options
-        with ResultDirectory(
-            result_folder(options, 'calibration'), files=RESULT_FILES
-        ) as directory:
-            calibration, mapping = self._calibrate()
-            self._write(calibration, mapping, directory)
-        report = directory.target / REPORT
-        return f'{calibration_text(calibration)}\nReport: {report}'
-
-    def _calibrate(self) -> tuple[Calibration, list[str]]:
-        options = self._options
-        training = [read_input(path, self._urdf, options) for path in options.bag]
-        validation = [read_input(path, self._urdf, options) for path in options.validation]
-        gravity = options.gravity or (self._config.gravity_in_base if self._config else None)
-        chain = find_chain([*training, *validation], self._urdf, options, gravity)
-        observations = joined([to_observations(one, chain, options) for one in training])
-        held_out = [
-            HeldOut(one.path.stem, to_observations(one, chain, options)) for one in validation
-        ]
-        inputs = [*training, *validation]
-        mapping = [f'{one.path.name}: {text}' for one in inputs for text in one.mapping]
-        mapping.append(f'the measured markers and poses are attached to the link {chain.link}')
-        if chain.ignored:
-            mapping.append(
-                f'these joints do not move {chain.link}, so the calibrator ignores them: '
-                f'{", ".join(chain.ignored)}'
-            )
-        _print(mapping)
-        if options.holdout > 0.0:
-            observations, rest = _divided(observations, options.holdout)
-            held_out.insert(0, HeldOut('held out', rest))
-        result = calibrate(chain, observations, held_out, self._choice)
-        result.messages[:0] = [text for one in training for text in one.messages]
-        _print(result.messages)
-        return result, mapping
-
-    def _write(
-        self, result: Calibration, mapping: Sequence[str], directory: ResultDirectory
-    ) -> None:
-        in_config = self._config is not None and set(result.joint_values('offset')) <= set(
-            self._config.joint_names
-        )
-        directory.write(URDF, calibrated_urdf(result, with_offsets=not in_config))
-        directory.write(YAML, calibration_yaml(result, CONFIG if in_config else URDF))
-        if in_config and self._config_path is not None:
-            directory.write(CONFIG, config_yaml(result, self._config_path))
+        directory.write(URDF, calibrated_urdf(result, with_offsets=not has_offsets))
+        directory.write(YAML, calibration_yaml(result, CONFIG if has_offsets else URDF))
+        if has_offsets and source is not None:
+            directory.write(CONFIG, config_yaml(result, source))
             load_arm_config(directory.path(CONFIG))  # an invalid file discards the result
         directory.write_json(MARKER, summary(result))
         directory.write(REPORT, calibration_html(result, mapping))
+    return f'{calibration_text(result)}\nReport: {directory.target / REPORT}'
+
+
+def _calibrate(
+    options: argparse.Namespace, urdf: str, config: ArmConfig | None
+) -> tuple[Calibration, list[str]]:
+    """Return the calibration, and texts that state how the program interprets the input."""
+    training = [read_input(path, urdf, options) for path in options.bag]
+    validation = [read_input(path, urdf, options) for path in options.validation]
+    inputs = [*training, *validation]
+    gravity = options.gravity or (config.gravity_in_base if config else None)
+    chain = find_chain(inputs, urdf, options, gravity)
+    observations = joined([to_observations(one, chain, options) for one in training])
+    held_out = [HeldOut(one.path.stem, to_observations(one, chain, options)) for one in validation]
+    mapping = [f'{one.path.name}: {text}' for one in inputs for text in one.mapping]
+    mapping.append(f'the measured markers and poses are attached to the link {chain.link}')
+    if chain.ignored:
+        mapping.append(
+            f'these joints do not move {chain.link}, so the calibrator ignores them: '
+            f'{", ".join(chain.ignored)}'
+        )
+    print_notice('calibrator', *mapping)
+    if options.holdout > 0.0:
+        observations, rest = _divided(observations, options.holdout)
+        held_out.insert(0, HeldOut('held out', rest))
+    length, angle = options.tolerance
+    choice = CalibrationOptions(
+        options.level,
+        not options.no_compliance,
+        options.eccentricity,
+        Tolerance(1e-3 * length, 1e-3 * angle),
+    )
+    result = calibrate(chain, observations, held_out, choice)
+    result.messages[:0] = [text for one in training for text in one.messages]
+    print_notice('calibrator', *result.messages)
+    return result, mapping
 
 
 def _divided(observations: Observations, share: float) -> tuple[Observations, Observations]:
@@ -134,8 +103,3 @@ def _divided(observations: Observations, share: float) -> tuple[Observations, Ob
         )
     order = np.random.default_rng(_SEED).permutation(count)
     return observations.rows(np.sort(order[out:])), observations.rows(np.sort(order[:out]))
-
-
-def _print(texts: Iterable[str]) -> None:
-    for text in texts:
-        print(f'calibrator: {text}', file=sys.stderr)

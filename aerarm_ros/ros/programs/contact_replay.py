@@ -26,7 +26,7 @@ from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, fre
 from aerarm_ros.online.information_filter import ball
 from aerarm_ros.online.replay import recorded_states
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
-from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
+from aerarm_ros.pages.plots import StackedFigure, plotting_script
 from aerarm_ros.ros.controllers.contact_parameters import (
     CONTACT_ESTIMATOR_PARAMETERS,
     GAIN_PARAMETER,
@@ -35,9 +35,9 @@ from aerarm_ros.ros.controllers.contact_parameters import (
     contact_settings,
     read_residuals,
 )
-from aerarm_ros.ros.process.process_end import USER_ERROR, print_error
+from aerarm_ros.ros.process.process_end import USER_ERROR, print_error, print_notice
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
-from aerarm_ros.ros.programs.identifier_options import add_arm_options
+from aerarm_ros.ros.programs.identifier_options import Option, add_arm_options, table_parser
 from aerarm_ros.ros.programs.identifier_run import RecordedArm
 from aerarm_ros.ros.programs.payload_replay import (
     add_parameters,
@@ -89,37 +89,26 @@ def contact_replay(name: str, arguments: Sequence[str]) -> int:
     return run_replay(replay_parser(name), name, arguments, run, 'nothing was written')
 
 
+_OPTIONS: tuple[Option, ...] = (
+    ('--bag', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'recordings to search for contact of the moving or resting arm: bags, .csv and .npz files'),
+    ('--free', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'DIR'},
+        'recordings without contact and payload, from which the program learns the contact '
+        'thresholds'),
+    ('--residuals', {'type': Path, 'metavar': 'FILE'},
+        f'file {RESIDUALS} with the contact thresholds of an earlier run, instead of --free'),
+    ('--model', {'type': Path, 'metavar': 'FILE'},
+        'identified model of the arm, estimate.yaml (default: the model in the URDF)'),
+    ('--payload', {'nargs': 4, 'type': float, 'metavar': ('KG', 'X', 'Y', 'Z')},
+        'payload that the arm carries in all recordings of --bag: mass [kg], and centre of mass in '
+        'the frame of the last joint [m] (default: no payload)'),
+    ('--out', {'type': Path, 'metavar': 'DIR'}, f'folder for {REPORT} and {RESIDUALS}'),
+)  # fmt: skip
+
+
 def replay_parser(name: str) -> OneLineParser:
     """Return the parser of the options of `contact_estimator --bag`."""
-    parser = OneLineParser(prog=name, description='Find contact in recordings.')
-    parser.add_argument(
-        '--bag', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
-        help='recordings to search for contact of the moving or resting arm: bags, .csv and .npz '
-             'files',
-    )  # fmt: skip
-    parser.add_argument(
-        '--free', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
-        help='recordings without contact and payload, from which the program learns the contact '
-             'thresholds',
-    )  # fmt: skip
-    parser.add_argument(
-        '--residuals', type=Path, metavar='FILE',
-        help=f'file {RESIDUALS} with the contact thresholds of an earlier run, instead of --free',
-    )  # fmt: skip
-    parser.add_argument(
-        '--model',
-        type=Path,
-        metavar='FILE',
-        help='identified model of the arm, estimate.yaml (default: the model in the URDF)',
-    )
-    parser.add_argument(
-        '--payload', nargs=4, type=float, metavar=('KG', 'X', 'Y', 'Z'),
-        help='payload that the arm carries in all recordings of --bag: mass [kg], and centre of '
-             'mass in the frame of the last joint [m] (default: no payload)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--out', type=Path, metavar='DIR', help=f'folder for {REPORT} and {RESIDUALS}'
-    )
+    parser = table_parser(name, 'Find contact in recordings.', _OPTIONS)
     add_arm_options(parser)
     add_parameters(parser, _PARAMETERS)
     return parser
@@ -246,8 +235,7 @@ class ContactReplay:
             for failure in list(self.failures.values())[:-1]:
                 print_error(self._name, failure)
             raise self.failures.popitem()[1]
-        for message in self._recorded.messages:
-            print(f'{self._name}: {message}', file=sys.stderr)
+        print_notice(self._name, *self._recorded.messages)
         return bags
 
     def _search_one(self, path: Path, bound: ResidualBound) -> SearchedBag:
@@ -380,7 +368,7 @@ def contact_page(
         parts.append(section('Recordings that were not searched completely', reasons))
     for number, bag in enumerate(bags):
         heading = f'{bag.recording.name} ({bag.recording.duration:.1f} s)'
-        parts.append(section(heading, _events_table(robot, bag), _figures(number, bag)))
+        parts.append(section(heading, _events_table(robot, bag), _figure(number, bag)))
     legend = bullets(
         [
             'Torque: largest change of the external torque during the event; a positive torque '
@@ -410,49 +398,28 @@ def _events_table(robot: Robot, bag: SearchedBag) -> Html:
             at = f'{place.link} ({", ".join(f"{value:.2f}" for value in place.point)})'
         if event.cause is Cause.PAYLOAD:
             force = f'{event.mass:.3g} ± {event.mass_std:.2g} kg'
-        rows.append(
-            [
-                event.begin,
-                event.end - event.begin,
-                event.cause.value,
-                robot.joint_names[event.joint],
-                float(event.torque[event.joint]),
-                event.ratio,
-                force,
-                at,
-            ]
-        )
+        times = (event.begin, event.end - event.begin)
+        torque = (float(event.torque[event.joint]), event.ratio)
+        joint = robot.joint_names[event.joint]
+        rows.append([*times, event.cause.value, joint, *torque, force, at])
     headings = ['begin [s]', 'length [s]', 'cause', 'joint', 'torque [Nm]', 'ratio']
     return table([*headings, 'force [N] or mass', 'link (contact point in link frame [m])'], rows)
 
 
-def _figures(number: int, bag: SearchedBag) -> Html:
-    step = max(1, len(bag.torque) // _PLOT_POINTS)
-    time = bag.recording.time[::step].round(4).tolist()
-    parts = []
-    for joint, name in enumerate(bag.recording.joint_names):
-        torque = bag.torque[::step, joint].round(4).tolist()
-        bound = bag.threshold[::step, joint]
-        upper = [None if not math.isfinite(value) else round(value, 4) for value in bound.tolist()]
-        lower = [None if value is None else -value for value in upper]
-        dashed = {'dash': 'dash', 'width': 1, 'color': '#999999'}
-        traces: list[dict[str, Any]] = [
-            {'x': time, 'y': torque, 'name': 'external torque', 'line': {'width': 1.5}},
-            {'x': time, 'y': upper, 'name': 'threshold', 'line': dashed},
-            {'x': time, 'y': lower, 'showlegend': False, 'line': dashed},
-        ]
-        shapes = [
-            {
-                'type': 'rect', 'xref': 'x', 'yref': 'paper', 'y0': 0, 'y1': 1, 'opacity': 0.2,
-                'x0': event.begin, 'x1': time[-1] if math.isnan(event.end) else event.end,
-                'fillcolor': _COLOUR[event.cause], 'line': {'width': 0},
-            }
-            for event in bag.events
-        ]  # fmt: skip
-        layout = {
-            'height': 240, 'template': 'none', 'title': {'text': plain_text(f'{name} [Nm]')},
-            'shapes': shapes, 'margin': {'t': 40, 'b': 30},
-            'xaxis': {'title': {'text': 'time [s]'}},
-        }  # fmt: skip
-        parts.append(figure_html(f'bag{number}-joint{joint}', traces, layout))
-    return Html(''.join(parts))
+def _figure(number: int, bag: SearchedBag) -> Html:
+    figure = StackedFigure(bag.recording.joint_names, 'Nm', most=_PLOT_POINTS)
+    for joint in range(bag.torque.shape[1]):
+        bound = bag.threshold[:, joint]
+        figure.add(joint, bag.recording.time, bag.torque[:, joint], 'external torque', 'predicted')
+        for side in (bound, -bound):
+            figure.add(joint, bag.recording.time, side, 'threshold', 'reference', 'dash')
+    last = float(bag.recording.time[-1])
+    areas = [
+        {
+            'type': 'rect', 'xref': 'x', 'yref': 'paper', 'y0': 0, 'y1': 1, 'opacity': 0.2,
+            'x0': event.begin, 'x1': last if math.isnan(event.end) else event.end,
+            'fillcolor': _COLOUR[event.cause], 'line': {'width': 0},
+        }
+        for event in bag.events
+    ]  # fmt: skip
+    return figure.html(f'bag{number}', areas)

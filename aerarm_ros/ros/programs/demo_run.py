@@ -7,9 +7,7 @@ import atexit
 import json
 import re
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from subprocess import TimeoutExpired
 
@@ -37,84 +35,8 @@ _ADVICE = (
 )
 
 
-@dataclass(frozen=True)
-class DemoAccount:
-    """Last log lines of the bridge and of the recorders, which the demo prints at its end.
-
-    Attributes
-    ----------
-    cycles
-        Log line with the number of the bridge's cycles.
-    too_slow
-        Whether this computer is too slow for a real arm.
-    messages
-        Log line with the number of recorded messages, by the name of the motion.
-    lost
-        Number of lost messages by the name of the motion, or None if the middleware does not number
-        messages.
-    """
-
-    cycles: str
-    too_slow: bool
-    messages: Mapping[str, str]
-    lost: Mapping[str, int | None]
-
-    @classmethod
-    def read(cls, bridge: Path, recorders: Mapping[str, Path]) -> DemoAccount:
-        """Read the logs of the bridge and of the recorders.
-
-        Parameters
-        ----------
-        bridge
-            Log file of the bridge.
-        recorders
-            Log file of each recorder, by the name of the recorded motion.
-
-        Raises
-        ------
-        ValueError
-            If a log does not contain the expected last line.
-        """
-        cycles = _last(_CYCLES, bridge)
-        messages = {name: _last(_MESSAGES, log) for name, log in recorders.items()}
-        return cls(
-            cycles[0],
-            cycles['slow'] is not None,
-            {name: found[0] for name, found in messages.items()},
-            {name: _count(found['lost']) for name, found in messages.items()},
-        )
-
-    def lines(self) -> Iterator[str]:
-        """Yield the lines that the demo prints at its end, the warnings last."""
-        yield f'Bridge    {self.cycles}'
-        for name, text in self.messages.items():
-            yield f'Recorder  {name}: {text}'
-        if self.too_slow:
-            yield (
-                'NOTE      this computer was too slow for real time. The results are valid, '
-                f'because the simulation waited. For a real arm, {_ADVICE}'
-            )
-        if any(self.lost.values()):
-            lost = sum(filter(None, self.lost.values()))
-            yield f'WARNING   {lost} messages are missing from the bags: {_ADVICE}'
-
-
-def _count(text: str) -> int | None:
-    return None if text == 'unknown' else int(text)
-
-
-def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:
-    found = list(pattern.finditer(log.read_text(errors='replace')))
-    if not found:
-        raise ValueError(
-            f'no line of the log {log} matches {pattern.pattern!r}: check why the process ended '
-            'early'
-        )
-    return found[-1]
-
-
 # Time limits [s], long because a slow or busy computer loads and simulates slowly.
-_START_TIME = 120
+_START_TIME = 120.0
 _STEP_TIME = 300.0
 
 
@@ -122,14 +44,45 @@ class DemoError(RuntimeError):
     """Error for a failed step of the demo; the message names the step and its log file."""
 
 
-@dataclass(frozen=True)
-class Motion:
-    """One recorded motion: name, description, parameters of the node `excitation`, and bag."""
+def account_lines(bridge: Path, recorders: Mapping[str, Path]) -> list[str]:
+    """Return the lines that the demo prints at its end, the warnings last.
 
-    name: str
-    what: str
-    trajectory: Mapping[str, object]
-    bag: Path
+    Parameters
+    ----------
+    bridge
+        Log file of the bridge, whose last line contains the number of cycles.
+    recorders
+        Log file of each recorder, by the name of the recorded motion. Its last line contains the
+        number of lost messages, or 'unknown' if the middleware does not number messages.
+
+    Raises
+    ------
+    DemoError
+        If a log does not contain the expected last line.
+    """
+    cycles = _last(_CYCLES, bridge)
+    messages = {name: _last(_MESSAGES, log) for name, log in recorders.items()}
+    lines = [f'Bridge    {cycles[0]}']
+    lines += [f'Recorder  {name}: {found[0]}' for name, found in messages.items()]
+    if cycles['slow']:
+        lines.append(
+            'NOTE      this computer was too slow for real time. The results are valid, because '
+            f'the simulation waited. For a real arm, {_ADVICE}'
+        )
+    lost = sum(int(found['lost']) for found in messages.values() if found['lost'] != 'unknown')
+    if lost:
+        lines.append(f'WARNING   {lost} messages are missing from the bags: {_ADVICE}')
+    return lines
+
+
+def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:
+    found = list(pattern.finditer(log.read_text(errors='replace')))
+    if not found:
+        raise DemoError(
+            f'no line of the log {log} matches {pattern.pattern!r}: check why the process ended '
+            'early'
+        )
+    return found[-1]
 
 
 class DemoRun:
@@ -145,59 +98,42 @@ class DemoRun:
 
     def __init__(self, out: Path, options: argparse.Namespace) -> None:
         self._out = out
-        self._logs = out / 'logs'
         self._options = options
-        self._motions = (
-            Motion(
-                'identification',
-                'designed',
-                {'trajectory': resource('config', 'designed_motion.yaml')},
-                out / 'identification_bag',
+        # Description and parameters of the node `excitation`, by the name of the motion.
+        self._motions: dict[str, tuple[str, Mapping[str, object]]] = {
+            'identification': (
+                'designed', {'trajectory': resource('config', 'designed_motion.yaml')}
             ),
-            Motion(
-                'validation',
-                f'random, seed {options.seed}',
-                {'seed': options.seed},
-                out / 'validation_bag',
-            ),
-        )
+            'validation': (f'random, seed {options.seed}', {'seed': options.seed}),
+        }  # fmt: skip
 
-    def move_and_record(self) -> DemoAccount:
-        """Move the emulated arm and record both motions; return the nodes' last log lines.
+    def move_and_record(self) -> list[str]:
+        """Move the emulated arm and record both motions; return lines about the nodes' logs.
 
         Raises
         ------
         DemoError, ArmClientError
             If a node fails, or the arm does not perform the motion.
         """
-        hardware = NodeProcess(
-            'fake_hardware',
-            parameters={
-                'seed': self._options.arm_seed,
-                'pace': self._options.pace,
-                'truth_file': self._out / 'truth.yaml',
-                'realtime_priority': self._options.priority,
-            },
-            log=self._logs / 'fake_hardware.log',
-        )
-        with hardware:
+        log = self._log('fake_hardware')
+        parameters = {
+            'seed': self._options.arm_seed,
+            'pace': self._options.pace,
+            'truth_file': self._out / 'truth.yaml',
+            'realtime_priority': self._options.priority,
+        }
+        with NodeProcess('fake_hardware', parameters=parameters, log=log) as hardware:
             client = _arm_client()
             print('Arm       the emulated boards start', flush=True)
-            _wait_for_bridge(hardware, client)
+            _wait_until_ready(hardware, lambda: _is_switched_off(client), _START_TIME)
             print('Arm       the joints home: they turn to their index pulses', flush=True)
             client.call('home')
             client.wait_for_mode(['ready'], _STEP_TIME)
-            for motion in self._motions:
-                self._run_motion(motion)
+            for name in self._motions:
+                self._run_motion(name)
         if hardware.returncode != 0:
             raise _failed(hardware)
-        try:
-            return DemoAccount.read(
-                self._logs / 'fake_hardware.log',
-                {motion.name: self._recorder_log(motion) for motion in self._motions},
-            )
-        except ValueError as error:
-            raise DemoError(str(error)) from None
+        return account_lines(log, {name: self._log(f'recorder_{name}') for name in self._motions})
 
     def identify(self) -> None:
         """Identify the model, and check its consistency and accuracy.
@@ -208,9 +144,14 @@ class DemoRun:
             If the model is not physically consistent, or its torque error exceeds half the torque
             error of the CAD model.
         """
-        (identification, validation), out = self._motions, self._out
-        arguments = ['--bag', str(identification.bag), '--validation', str(validation.bag)]
-        arguments += ['--truth', str(out / 'truth.yaml'), '--out', str(out / 'result')]
+        out = self._out
+        files = {
+            '--bag': 'identification_bag',
+            '--validation': 'validation_bag',
+            '--truth': 'truth.yaml',
+            '--out': 'result',
+        }
+        arguments = [text for option, name in files.items() for text in (option, str(out / name))]
         with NodeProcess('identifier', arguments) as identifier:
             _wait(identifier, 2 * _STEP_TIME)
         solvers = json.loads((out / 'result' / 'summary.json').read_text())['solvers']
@@ -225,39 +166,31 @@ class DemoRun:
                 f'torque error of the CAD model ({cad:.1f} %): check {out}/result/report.html'
             )
 
-    def _run_motion(self, motion: Motion) -> None:
-        options = self._options
-        with ExitStack() as stack:
-            recorder = stack.enter_context(
-                NodeProcess(
-                    'recorder', parameters={'bag': motion.bag}, log=self._recorder_log(motion)
-                )
-            )
-            print(f'Motion    {motion.name} ({motion.what})', flush=True)
+    def _run_motion(self, name: str) -> None:
+        options, (what, trajectory) = self._options, self._motions[name]
+        bag = {'bag': self._out / f'{name}_bag'}
+        with NodeProcess('recorder', parameters=bag, log=self._log(f'recorder_{name}')) as recorder:
+            print(f'Motion    {name} ({what})', flush=True)
             # Two nodes that start at the same time can delay each other by seconds. Meanwhile the
             # recorder would miss messages.
-            _wait_for_recorder(recorder)
-            excitation = stack.enter_context(
-                NodeProcess(
-                    'excitation',
-                    parameters={
-                        **motion.trajectory,
-                        'periods': options.periods,
-                        'subscribers': 2,
-                        'wait_for_recorder': True,
-                        'wait_timeout': _STEP_TIME,
-                        'realtime_priority': max(0, options.priority - 1),
-                    },
-                )
-            )
-            _wait(excitation, _STEP_TIME * (2 + options.periods))
-            if recorder.returncode is not None:
-                raise _failed(recorder)
+            _wait_until_ready(recorder, lambda: 'publishers found' in recorder.tail(), _STEP_TIME)
+            parameters = {
+                **trajectory,
+                'periods': options.periods,
+                'subscribers': 2,
+                'wait_for_recorder': True,
+                'wait_timeout': _STEP_TIME,
+                'realtime_priority': max(0, options.priority - 1),
+            }
+            with NodeProcess('excitation', parameters=parameters) as excitation:
+                _wait(excitation, _STEP_TIME * (2 + options.periods))
+                if recorder.returncode is not None:
+                    raise _failed(recorder)
         if recorder.returncode != 0:
             raise _failed(recorder)
 
-    def _recorder_log(self, motion: Motion) -> Path:
-        return self._logs / f'recorder_{motion.name}.log'
+    def _log(self, name: str) -> Path:
+        return self._out / 'logs' / f'{name}.log'
 
 
 def _failed(process: NodeProcess) -> DemoError:
@@ -268,26 +201,22 @@ def _failed(process: NodeProcess) -> DemoError:
     )
 
 
-def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
-    for _ in range(_START_TIME):
-        try:
-            return client.wait_for_mode(OFF, timeout=1.0)
-        except ArmClientError:
-            if hardware.returncode is not None:
-                raise _failed(hardware) from None
-    raise DemoError(
-        f'the node fake_hardware was not ready within {_START_TIME} s: check {hardware.log}'
-    )
+def _is_switched_off(client: ArmClient) -> bool:
+    try:
+        client.wait_for_mode(OFF, timeout=1.0)
+    except ArmClientError:
+        return False
+    return True
 
 
-def _wait_for_recorder(recorder: NodeProcess) -> None:
-    deadline = time.monotonic() + _STEP_TIME
-    while 'publishers found' not in recorder.tail():
-        if recorder.returncode is not None:
-            raise _failed(recorder)
+def _wait_until_ready(process: NodeProcess, is_ready: Callable[[], bool], limit: float) -> None:
+    deadline = time.monotonic() + limit
+    while not is_ready():
+        if process.returncode is not None:
+            raise _failed(process)
         if time.monotonic() > deadline:
             raise DemoError(
-                f'the recorder was not ready within {_STEP_TIME:g} s: check {recorder.log}'
+                f'the node {process.name} was not ready within {limit:g} s: check {process.log}'
             )
         time.sleep(0.05)
 

@@ -7,14 +7,15 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.robot import load_robot
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.design_file import designed_file
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.parallel_design import design_all
@@ -45,9 +46,6 @@ def whole_periods(duration: float, fundamental: float) -> int:
     ExcitationError
         If the duration is not a whole number of periods.
     """
-    for name, value in (('fundamental', fundamental), ('duration', duration)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise ExcitationError(f'--{name} {value:g} is invalid: pass a positive number')
     periods = duration * fundamental
     whole = round(periods)
     if whole < 1 or abs(periods - whole) > 1e-6:
@@ -76,36 +74,59 @@ def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
     return noise
 
 
-def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
-    """Return model, limits and clearances of the packaged arm, or of the arm that `--urdf` names.
+def load_setup(
+    urdf: Path | Robot | None,
+    config: Path | None,
+    excitation_config: Path | None,
+    bias: Sequence[float] | None = None,
+    locked: Sequence[str] = (),
+    package_directories: Sequence[Path] = (),
+    limits: Mapping[str, npt.ArrayLike] | None = None,
+) -> ExcitationSetup:
+    """Return model, limits and clearances of an arm, by default of the packaged arm.
+
+    Parameters
+    ----------
+    config
+        Configuration of the arm's drives, None for the packaged arm or an arm without known drives.
+    bias
+        Centre of the motion (n,) [rad], by default that of the file `excitation_config`.
+    limits
+        `acceleration_limit`, `current_limit` and `torque_per_ampere` of an arm without known
+        drives, see `ExcitationSetup.of_robot`.
 
     Raises
     ------
     ValueError
-        If a file cannot be used, or the options contradict each other.
+        If a file cannot be used, or the arguments contradict each other.
     """
-    has_urdf = options.urdf is not None
-    if options.excitation_config or not has_urdf:
-        config = load_excitation_config(options.excitation_config)
-    else:
-        config = ExcitationConfig()
-    if options.bias:
-        config = replace(config, bias=tuple(options.bias))
-    names = ('acceleration_limit', 'current_limit', 'torque_per_ampere')
-    given = {name: values for name in names if (values := getattr(options, name)) is not None}
-    if options.config or not has_urdf:
-        if given:
-            raise ExcitationError(
-                f'--{", --".join(given).replace("_", "-")} cannot be combined with the drive-train '
-                'configuration (--config), which contains these limits: remove one of them'
-            )
-        arm = load_arm_config(options.config)
-        robot = load_robot(
-            options.urdf, gravity_in_base=arm.gravity_in_base, joint_names=arm.joint_names
+    settings = ExcitationConfig()
+    if excitation_config or urdf is None:
+        settings = load_excitation_config(excitation_config)
+    if bias is not None and len(bias):
+        settings = replace(settings, bias=tuple(float(value) for value in bias))
+    if urdf is not None and config is None:
+        robot = urdf if isinstance(urdf, Robot) else load_robot(urdf, locked=locked)
+        return ExcitationSetup.of_robot(robot, settings, package_directories, **(limits or {}))
+    if limits:
+        raise ExcitationError(
+            f'{", ".join(limits)} cannot be combined with the configuration of the drives (config),'
+            ' which contains these limits: remove one of them'
         )
-        return ExcitationSetup.of_arm(robot, arm, config, options.package_directory)
-    robot = load_robot(options.urdf, locked=options.locked)
-    return ExcitationSetup.of_robot(robot, config, options.package_directory, **given)
+    arm = load_arm_config(config)
+    if isinstance(urdf, Robot):
+        robot = urdf
+    else:
+        robot = load_robot(urdf, gravity_in_base=arm.gravity_in_base, joint_names=arm.joint_names)
+    return ExcitationSetup.of_arm(robot, arm, settings, package_directories)
+
+
+def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
+    """Return model, limits and clearances for the options of the designer, see `load_setup`."""
+    names = ('acceleration_limit', 'current_limit', 'torque_per_ampere')
+    limits = {name: values for name in names if (values := getattr(options, name)) is not None}
+    files = (options.urdf, options.config, options.excitation_config)
+    return load_setup(*files, options.bias, options.locked, options.package_directory, limits)
 
 
 NAME = 'excitation_designer'
@@ -134,15 +155,11 @@ class DesignRun:
         self._options = options
         self._interrupted = interrupted
         self._periods = whole_periods(options.duration, options.fundamental)
-        if options.starts < 1 or options.workers < 1:
-            raise ExcitationError(
-                f'--starts {options.starts} or --workers {options.workers} is invalid: pass at '
-                'least 1 for both'
-            )
-        if not options.time_limit > 0.0:
-            raise ExcitationError(
-                f'--time-limit {options.time_limit} is invalid: pass a positive number of seconds'
-            )
+        out: Path = options.out
+        names = VALIDATION if options.validation else ()
+        self._validation_paths = {
+            name: out.with_name(f'{out.stem}_validation_{name}{out.suffix}') for name in names
+        }
         self._require_writable()
         self._began = time.monotonic()
         self._finished = 0
@@ -165,7 +182,7 @@ class DesignRun:
         """Search until all random starts are done, the time is over, or the user stops it."""
         try:
             random = self._designer.initial(0, self._is_over)
-            validation = self._validation() if self._options.validation else {}
+            validation = self._validation()
         except DesignStoppedError:
             raise DesignStoppedError(
                 f'{self._why()} before the designer found a feasible trajectory, so it wrote no '
@@ -263,7 +280,7 @@ class DesignRun:
         """Return a slow and a fast random trajectory for validation, with output files as keys."""
         results = {}
         highest = self._specification.setup.config.highest_frequency
-        for name, path in self._validation_paths().items():
+        for name, path in self._validation_paths.items():
             fundamental = VALIDATION[name] * self._options.fundamental
             # Elastic vibrations of the arm limit the highest frequency of a motion.
             harmonics = min(self._options.harmonics, int(highest / fundamental + 1e-9))
@@ -280,40 +297,24 @@ class DesignRun:
             results[path] = specification, result
         return results
 
-    def _validation_paths(self) -> dict[str, Path]:
-        out: Path = self._options.out
-        return {
-            name: out.with_name(f'{out.stem}_validation_{name}{out.suffix}') for name in VALIDATION
-        }
-
     def _require_writable(self) -> None:
         """Raise ExcitationError before the long search if an output file cannot be written."""
-        paths = [self._options.out]
-        if self._options.preview:
-            paths.append(self._options.preview)
-        if self._options.validation:
-            paths += self._validation_paths().values()
+        options = self._options
+        paths = [options.out, *filter(None, [options.preview]), *self._validation_paths.values()]
         if len({path.absolute() for path in paths}) < len(paths):
             raise ExcitationError('--out and --preview name the same file: pass different files')
-        existing = [path for path in paths if path.is_file()]
-        if existing and not self._options.overwrite:
-            raise ExcitationError(
-                f'{existing[0]} already exists: name another file with '
-                f'{"--preview" if existing[0] == self._options.preview else "--out"}, or pass '
-                '--overwrite'
-            )
         for path in paths:
             if path.is_dir():
                 raise ExcitationError(f'{path} is a folder: pass the name of a file')
-            trial = path.with_name(f'{path.name}.{os.getpid()}.tmp')
-            try:
-                trial.touch()
-                trial.unlink()
-            except OSError as error:
+            if path.is_file() and not options.overwrite:
                 raise ExcitationError(
-                    f'{path} cannot be written ({error.strerror}): check the folder and its '
-                    'permissions'
-                ) from None
+                    f'{path} already exists: name another file with '
+                    f'{"--preview" if path == options.preview else "--out"}, or pass --overwrite'
+                )
+            if not os.access(path.parent, os.W_OK):
+                raise ExcitationError(
+                    f'{path} cannot be written: check the folder and its permissions'
+                )
 
     def _save(self, result: DesignResult, path: Path, specification: DesignSpecification) -> None:
         # As many periods as the requested duration has, but at least one.
@@ -323,19 +324,17 @@ class DesignRun:
     def _report(self, result: DesignResult, best: DesignResult, random: DesignResult) -> None:
         compared = result.quality.compared_with(random.quality, 'the random trajectory')
         leader = 'random' if best is random else f'start {best.start}'
-        self._print(
-            f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; '
-            f'best so far: {leader}{self._remark(result)}'
-        )
-
-    def _remark(self, result: DesignResult) -> str:
         remarks = [result.remark] if result.remark else []
         if result.stopped and not self._interrupted():
             remarks.append(
                 f'start {result.start} stopped after {result.seconds:.0f} s, when its part of '
                 '--time-limit was over: pass a larger limit'
             )
-        return f' ({"; ".join(remarks)})' if remarks else ''
+        remark = f' ({"; ".join(remarks)})' if remarks else ''
+        self._print(
+            f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; best so far: '
+            f'{leader}{remark}'
+        )
 
     def _print(self, text: str) -> None:
         self._progress.close()

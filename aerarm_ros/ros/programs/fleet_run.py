@@ -14,19 +14,19 @@ import time
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from aerarm_ros.description.resources import write_whole
-from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.identification_result import IdentificationResult, judge, read_limits
+from aerarm_ros.identification.identification_result import judge, read_limits
 from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.identification.report.fleet_page import fleet_page
 from aerarm_ros.pages.html_text import package_version
 from aerarm_ros.parallel import Failure, run_each, run_each_on_ray
-from aerarm_ros.ros.process.process_end import ProgressLine
+from aerarm_ros.ros.process.process_end import ProgressLine, print_notice
 from aerarm_ros.ros.programs.identifier_options import result_folder
 from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
@@ -75,11 +75,14 @@ def identify(bag: Path, settings: argparse.Namespace) -> Row:
         'condition_number': _number(result.thesis_base.condition_number),
         'physically_consistent': estimate.physically_consistent,
     }
-    for role in ('identification', 'validation'):
-        for solver in ('cad_friction', 'sdp'):
-            assessed = getattr(result.solutions[solver], role)
-            row |= _errors(f'{role}_{solver}', assessed)
-    row['verdict'] = _verdict(result, settings)
+    for role, solver in product(('identification', 'validation'), ('cad_friction', 'sdp')):
+        assessed = getattr(result.solutions[solver], role)
+        for kind in ('filtered', 'raw'):
+            error = getattr(assessed[0], kind) if assessed else None
+            row[f'{role}_{solver}_{kind}'] = error
+    limits = read_limits(settings.verify) if settings.verify else {}
+    checks = judge(result, limits)
+    row['verdict'] = all(check.passed for check in checks) if limits else None
     row['warnings'] = len(result.warnings)
     row['first_warning'] = result.warnings[0] if result.warnings else None
     std = np.full(len(estimate.theta), np.nan) if estimate.std is None else estimate.std
@@ -94,20 +97,6 @@ def first_columns(bag: Path, settings: argparse.Namespace, robot: str = '') -> R
     """Return the first columns of a bag's row, with the status `failed` and without a reason."""
     arm = bag.resolve().parent.name if settings.arm_of_folder else robot
     return {'bag': str(bag), 'arm': arm, 'date': None, 'status': FAILED, 'reason': None}
-
-
-def _errors(name: str, assessed: list[BagAssessment]) -> Row:
-    bag = assessed[0] if assessed else None
-    return {
-        f'{name}_filtered': None if bag is None else bag.filtered,
-        f'{name}_raw': None if bag is None else bag.raw,
-    }
-
-
-def _verdict(result: IdentificationResult, settings: argparse.Namespace) -> bool | None:
-    if not settings.verify:
-        return None
-    return all(check.passed for check in judge(result, read_limits(settings.verify)))
 
 
 def _date(start: float) -> str | None:
@@ -176,9 +165,10 @@ class FleetRun:
         self._rows |= known
         missing = [bag for bag in self._bags if str(bag) not in known]
         if known:
-            self._print(
+            print_notice(
+                'identifier',
                 f'the folder {self._out} already contains the results of {len(known)} of '
-                f'{len(self._bags)} bags'
+                f'{len(self._bags)} bags',
             )
         progress = ProgressLine('identifier', sys.stderr)
         try:
@@ -192,7 +182,7 @@ class FleetRun:
                         journal.flush()
                     tenth = str(10 * len(self._rows) // len(self._bags))
                     if progress.due(time.monotonic_ns(), tenth):
-                        progress.show(_bar(len(self._rows), len(self._bags)))
+                        progress.show(f'{len(self._rows)} of {len(self._bags)} bags')
         finally:
             progress.close()
             self._write()
@@ -260,9 +250,10 @@ class FleetRun:
             import pyarrow
             import pyarrow.parquet
         except ImportError:
-            self._print(
+            print_notice(
+                'identifier',
                 f'{COLUMNS} is not written, because the Python package pyarrow is missing: run '
-                "pip install 'aerarm_ros[fleet]'"
+                "pip install 'aerarm_ros[fleet]'",
             )
             return
         table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
@@ -282,10 +273,6 @@ class FleetRun:
         lines += [f'failed: {row["bag"]}: {row["reason"]}' for row in failed]
         lines += [f'Table: {self._out / TABLE}', f'Page: {self._out / PAGE}']
         return '\n'.join(lines)
-
-    @staticmethod
-    def _print(text: str) -> None:
-        print(f'identifier: {text}', file=sys.stderr)
 
 
 def find_bags(given: Sequence[Path]) -> list[Path]:
@@ -313,31 +300,19 @@ def find_bags(given: Sequence[Path]) -> list[Path]:
 
 
 def _bags_of(path: Path) -> Iterator[Path]:
-    if path.suffix == _LIST and path.is_file():
+    if (path / 'metadata.yaml').is_file():
+        yield path
+    elif path.is_dir():
+        for entry in sorted(path.iterdir()):
+            if entry.is_dir() or entry.suffix.lower() in _BAG_FILES:
+                yield from _bags_of(entry)
+    elif path.suffix == _LIST and path.is_file():
         lines = [line.strip() for line in path.read_text(encoding='utf-8').splitlines()]
         for line in lines:
             if line and not line.startswith('#'):
                 yield from _bags_of(path.parent / line)
     elif path.is_file():
         yield path
-    elif path.is_dir():
-        yield from _bags_in(path)
     elif glob.has_magic(str(path)):
         for match in sorted(glob.glob(str(path), recursive=True)):
             yield from _bags_of(Path(match))
-
-
-def _bags_in(folder: Path) -> Iterator[Path]:
-    if (folder / 'metadata.yaml').is_file():
-        yield folder
-        return
-    for entry in sorted(folder.iterdir()):
-        if entry.is_dir():
-            yield from _bags_in(entry)
-        elif entry.suffix.lower() in _BAG_FILES:
-            yield entry
-
-
-def _bar(done: int, total: int, width: int = 30) -> str:
-    filled = width * done // total
-    return f'[{"#" * filled}{"." * (width - filled)}] {done} of {total} bags'

@@ -122,7 +122,7 @@ class IdentifierBags:
         notes: list[str] = []
         others = [self._in_namespace(topic) for topic in (_COMMAND, _MODE, _DIAGNOSTICS)]
         try:
-            with _collected_warnings(notes):
+            with collected_warnings(notes):
                 others.append(f'/{_DIAGNOSTICS}')
                 contents = read_contents(path, self._topic, others, _MAX_STATES, self._limits)
         except BagError as error:
@@ -195,6 +195,16 @@ def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
     }
 
 
+def hold_out(recordings: list[Recording], share: float) -> tuple[list[Recording], list[Recording]]:
+    """Divide each recording; return the first parts, and the last parts with this share."""
+    if share == 0.0:
+        return recordings, []
+    cut = 1.0 - share
+    names = f' [first {100 * cut:g} %]', f' [last {100 * share:g} %]'
+    first = [recording.part(0.0, cut, names[0]) for recording in recordings]
+    return first, [recording.part(cut, 1.0, names[1]) for recording in recordings]
+
+
 def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) -> list[str]:
     """Return warnings about bags that the options name more than once."""
     notes = [
@@ -247,7 +257,7 @@ def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
 
 
 @contextlib.contextmanager
-def _collected_warnings(texts: list[str]) -> Iterator[None]:
+def collected_warnings(texts: list[str]) -> Iterator[None]:
     """Append warnings about a bag from a `with` block to `texts`, even after an error."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')

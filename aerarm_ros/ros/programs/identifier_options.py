@@ -3,18 +3,60 @@
 from __future__ import annotations
 
 import argparse
+import math
 import time
+from argparse import ArgumentTypeError
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
 _SOLVERS = (
     'cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp',
     'output_error',
 )  # fmt: skip
+
+
+def fraction(text: str) -> float:
+    """Convert text to a fraction of at least 0 and below 1; raise ArgumentTypeError otherwise."""
+    value = float(text)
+    if not 0.0 <= value < 1.0:
+        raise ArgumentTypeError(f'{text} is invalid: pass a fraction of at least 0 and below 1')
+    return value
+
+
+def positive(text: str) -> float:
+    """Convert text to a positive finite number; raise ArgumentTypeError otherwise."""
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise ArgumentTypeError(f'{text} is invalid: pass a positive number')
+    return value
+
+
+def at_least_one(text: str) -> int:
+    """Convert text to a positive whole number; raise ArgumentTypeError otherwise."""
+    value = int(text)
+    if value < 1:
+        raise ArgumentTypeError(f'{text} is invalid: pass a positive whole number')
+    return value
+
+
+def pair(text: str) -> tuple[str, str]:
+    """Split a text of the form LEFT=RIGHT; raise ArgumentTypeError for any other text."""
+    left, equals, right = text.partition('=')
+    if not (left and equals and right):
+        raise ArgumentTypeError(f'{text} is invalid: write two names joined by =')
+    return left, right
+
+
+def gain(text: str) -> tuple[str, float]:
+    """Split a text of the form JOINT=GAIN; raise ArgumentTypeError for any other text."""
+    joint, number = pair(text)
+    value = float(number)
+    if not math.isfinite(value) or value == 0.0:
+        raise ArgumentTypeError(f'{text} is invalid: pass a finite gain except zero')
+    return joint, value
 
 
 def optional_path(text: str) -> Path | None:
@@ -48,7 +90,7 @@ _OPTIONS: tuple[Option, ...] = (
     ('--ray', {'default': '', 'metavar': 'ADDRESS'},
         'address of the Ray cluster that runs the identifications of --each; '
         "'local' starts a cluster on this computer"),
-    ('--holdout', {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
+    ('--holdout', {'type': fraction, 'default': 0.0, 'metavar': 'SHARE'},
         'fraction of each recording of --bag, taken from its end, for validation instead of '
         'identification'),
     ('--urdf', {'type': optional_path, 'metavar': 'FILE'},
@@ -81,16 +123,16 @@ _OPTIONS: tuple[Option, ...] = (
         'file with the true parameters of a simulated arm, for comparison with the estimates'),
     ('--tf-prefix', {'default': '', 'metavar': 'TEXT'},
         'prefix that the joint names have in the bag but not in the URDF, for example left_'),
-    ('--rename', {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'},
+    ('--rename', {'nargs': '+', 'type': pair, 'default': [], 'metavar': 'BAG=URDF'},
         'name of a joint in the bag, and its name in the URDF'),
     ('--lock', {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
         'joints of the URDF that did not move; the model treats them as fixed'),
     ('--ignore', {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
         'joints in the bag that do not belong to the arm'),
-    ('--effort-gain', {'nargs': '+', 'default': [], 'metavar': 'JOINT=GAIN'},
+    ('--effort-gain', {'nargs': '+', 'type': gain, 'default': [], 'metavar': 'JOINT=GAIN'},
         'factor that converts the recorded effort of a joint to Nm, for example a torque '
         'constant in Nm/A'),
-    ('--effort-gain-std', {'type': float, 'metavar': 'SHARE'},
+    ('--effort-gain-std', {'type': fraction, 'metavar': 'SHARE'},
         'relative standard deviation of the factors of --effort-gain, which affects the '
         'uncertainty of a payload (default: 0.1 with --effort-gain, otherwise 0); '
         'payload_estimator --known-mass calibrates these factors'),
@@ -117,7 +159,7 @@ _OPTIONS: tuple[Option, ...] = (
         'friction model: auto (default), or terms joined by +, for example coulomb+load. Terms '
         'are coulomb, load, offset, creep, stribeck, asymmetric and dahl (dry friction that '
         'builds up over 0.01 rad after a reversal)'),
-    ('--coupled', {'nargs': '+', 'default': [], 'metavar': 'JOINT=DRIVER'},
+    ('--coupled', {'nargs': '+', 'type': pair, 'default': [], 'metavar': 'JOINT=DRIVER'},
         'pairs of coupled drives, in addition to those of --config: the torque of JOINT depends '
         'on velocity and acceleration of DRIVER'),
     ('--rollouts', {'action': 'store_true'},
@@ -171,11 +213,3 @@ def result_folder(options: argparse.Namespace, kind: str) -> Path:
     """Return the folder of `--out`, by default a folder named after the program's start time."""
     given: Path | None = options.out
     return given or Path('output') / time.strftime(f'{kind}_%Y%m%d_%H%M%S', options.started)
-
-
-def pair(text: str, option: str, form: str = 'LEFT=RIGHT') -> tuple[str, str]:
-    """Split a text of the form LEFT=RIGHT; raise IdentificationError for any other text."""
-    left, equals, right = text.partition('=')
-    if not (left and equals and right):
-        raise IdentificationError(f'{option} {text} is invalid: write {form}')
-    return left, right

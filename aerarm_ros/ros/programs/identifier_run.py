@@ -5,16 +5,14 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from aerarm_msgs_py.storage.read_limits import ReadLimits
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import STANDARD_GRAVITY, load_robot
 from aerarm_ros.identification.arm_parameters import LinkBounds
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
@@ -47,13 +45,15 @@ from aerarm_ros.identification.recording.recording import BagFacts, JointMapping
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.solvers import FAST
+from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.identifier_bags import (
     IdentifierBags,
     RecordedBag,
     bag_names,
+    hold_out,
     repeated_bags,
 )
-from aerarm_ros.ros.programs.identifier_options import pair, result_folder
+from aerarm_ros.ros.programs.identifier_options import result_folder
 
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
@@ -95,24 +95,20 @@ def write_result(
     return notes
 
 
+_NAME = 'identifier'
 _NAME_WIDTH = 13
 _ROLES = ('identification', 'validation')
 
 
 def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
     """Return a table with the largest torque error, over the bags, of the model in each file."""
-    lines = [f'Low-passed torque error [%] on {_names(judged)}, of the model in each written file']
+    bags = judged[0].name if len(judged) == 1 else f'the worst of {len(judged)} bags'
+    lines = [f'Low-passed torque error [%] on {bags}, of the model in each written file']
     width = max((len(error.file) for error in exports), default=0)
     for error in exports:
         worst = max(error.filtered[-len(judged) :])
         lines.append(f'{error.file.ljust(width)}  {worst:6.2f}  {error.contents}')
     return '\n'.join(lines)
-
-
-def _names(judged: Sequence[Recording]) -> str:
-    if len(judged) == 1:
-        return judged[0].name
-    return f'the worst of {len(judged)} bags'
 
 
 def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) -> str:
@@ -134,10 +130,9 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
             f'{bag.filtered:.2f} / {bag.filtered_measured:.2f} ({bag.raw:.2f})'.rjust(width)
             for bag in (*solution.identification, *solution.validation)
         ]
-        consistent = (
-            '' if solution.estimate.physically_consistent else ('  not physically consistent')
-        )
-        lines.append(name.ljust(_NAME_WIDTH) + ''.join(cells) + consistent)
+        if not solution.estimate.physically_consistent:
+            cells.append('  not physically consistent')
+        lines.append(name.ljust(_NAME_WIDTH) + ''.join(cells))
     if result.gravity is not None and result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
@@ -193,12 +188,24 @@ class RecordedArm:
                 f'{option} applies to tables (.csv, .npz) only, but all inputs are bags, which '
                 'contain stamps, joint names and angles in rad: remove the option'
             )
-        self.config = _load_config(options)
-        self.robot = _load_robot(options, self.config)
+        # The packaged configuration describes the motors of the packaged arm only.
+        is_known = options.config is not None or options.urdf is None
+        self.config = load_arm_config(options.config) if is_known else None
+        gravity = options.gravity
+        if gravity is None:
+            gravity = self.config.gravity_in_base if self.config else STANDARD_GRAVITY
+        self.robot = load_robot(options.urdf, gravity_in_base=gravity, locked=options.lock)
+        mapping = JointMapping(
+            rename=dict(options.rename),
+            prefix=options.tf_prefix,
+            ignored=tuple(options.ignore),
+            locked=tuple(options.lock),
+            effort_gain=dict(options.effort_gain),
+        )
         limits = ReadLimits(_MB * options.bag_part, options.bag_ratio)
         table = TableOptions(options.rate, options.degrees, options.numbered_from)
         self._bags = IdentifierBags(
-            options.topic, self.robot.joint_names, _mapping(options), limits, table, whole
+            options.topic, self.robot.joint_names, mapping, limits, table, whole
         )
         self.messages = self._bags.messages
         self.read: dict[str, RecordedBag] = {}
@@ -223,59 +230,9 @@ UNCALIBRATED = 0.1
 
 
 def gain_deviation(options: argparse.Namespace) -> float:
-    """Return the relative standard deviation of the effort gains from `--effort-gain-std`.
-
-    Raises
-    ------
-    IdentificationError
-        If the value of the option is not a fraction.
-    """
-    given = options.effort_gain_std
-    if given is None:
-        return UNCALIBRATED if options.effort_gain else 0.0
-    if not 0.0 <= given < 1.0:
-        raise IdentificationError(
-            f'--effort-gain-std {given} is invalid: pass a fraction from 0 to 1, for '
-            'example 0.02 for 2 %'
-        )
-    return float(given)
-
-
-def _load_config(options: argparse.Namespace) -> ArmConfig | None:
-    # The packaged configuration describes the motors of the packaged arm only.
-    if options.config is None and options.urdf is not None:
-        return None
-    return load_arm_config(options.config)
-
-
-def _load_robot(options: argparse.Namespace, config: ArmConfig | None) -> Robot:
-    gravity = options.gravity
-    if gravity is None:
-        gravity = config.gravity_in_base if config else STANDARD_GRAVITY
-    return load_robot(options.urdf, gravity_in_base=gravity, locked=options.lock)
-
-
-def _mapping(options: argparse.Namespace) -> JointMapping:
-    return JointMapping(
-        rename=dict(pair(text, '--rename') for text in options.rename),
-        prefix=options.tf_prefix,
-        ignored=tuple(options.ignore),
-        locked=tuple(options.lock),
-        effort_gain={
-            joint: _number(gain, '--effort-gain')
-            for joint, gain in (pair(text, '--effort-gain') for text in options.effort_gain)
-        },
-    )
-
-
-def _number(text: str, option: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float('nan')
-    if not np.isfinite(value) or value == 0.0:
-        raise IdentificationError(f'{option} {text} is invalid: pass a finite number except zero')
-    return value
+    """Return the relative standard deviation of the effort gains from `--effort-gain-std`."""
+    usual = UNCALIBRATED if options.effort_gain else 0.0
+    return usual if options.effort_gain_std is None else float(options.effort_gain_std)
 
 
 class IdentifierRun:
@@ -295,11 +252,6 @@ class IdentifierRun:
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
         self._stopwatch = Stopwatch()
-        if not 0.0 <= options.holdout < 1.0:
-            raise IdentificationError(
-                f'--holdout {options.holdout:g} is invalid: pass a fraction of at least 0 and '
-                'below 1'
-            )
         paths: list[Path] = [*options.bag, *options.validation, *options.payload]
         self._arm = RecordedArm(options, paths)
         self._limits = read_limits(options.verify) if options.verify else {}
@@ -325,10 +277,10 @@ class IdentifierRun:
         ) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
-            print_messages(result.warnings)
+            print_notice(_NAME, *result.warnings)
             payload = self._payload(result)
             self._write(result, payload, directory)
-        print_replaced(directory)
+        _print_replaced(directory)
         lines = [terminal_table(result, self._arm.facts())]
         lines.append(exports_text(self._exports, validation or identification))
         if payload is not None:
@@ -361,13 +313,8 @@ class IdentifierRun:
             identification = [self._recording(path) for path in self._options.bag]
             validation = [self._recording(path) for path in self._options.validation]
         self._arm.messages += repeated_bags(self._options.bag, self._options.validation)
-        share = self._options.holdout
-        if share > 0.0:
-            cut = 1.0 - share
-            first, last = f' [first {100 * cut:g} %]', f' [last {100 * share:g} %]'
-            validation += [recording.part(cut, 1.0, last) for recording in identification]
-            identification = [recording.part(0.0, cut, first) for recording in identification]
-        return identification, validation
+        identification, held_out = hold_out(identification, self._options.holdout)
+        return identification, validation + held_out
 
     def _recording(self, path: Path) -> Recording:
         _progress(f'reading {self._arm.name(path)}')
@@ -379,15 +326,9 @@ class IdentifierRun:
         options = self._options
         _progress('identifying')
         chosen = IdentificationOptions(
-            conditioning=ConditioningOptions(
-                fundamental=options.fundamental,
-                harmonics=options.harmonics,
-                cutoff=options.cutoff,
-                filter=options.filter,
-                exact_stamps=options.exact_stamps,
-            ),
+            conditioning=_conditioning(options),
             friction=options.friction,
-            coupled=tuple(pair(text, '--coupled') for text in options.coupled),
+            coupled=tuple(options.coupled),
             solvers=tuple(options.solvers) or FAST,
             bounds=LinkBounds(
                 tuple(options.total_mass) if options.total_mass else None, options.bound_centres
@@ -411,7 +352,7 @@ class IdentifierRun:
         known = len(self._arm.messages)
         with self._stopwatch.stage('reading'):
             recordings = [self._recording(path) for path in self._options.payload]
-        print_messages(self._arm.messages[known:])
+        print_notice(_NAME, *self._arm.messages[known:])
         result.warnings.extend(self._arm.messages[known:])
         with self._stopwatch.stage('payload'):
             return identify_payload(result, recordings, gain_deviation(self._options))
@@ -422,7 +363,7 @@ class IdentifierRun:
         _progress('writing the report')
         with self._stopwatch.stage('writing'):
             extras = replace(self._extras(result), payload=payload)
-            print_messages(write_result(result, directory, extras))
+            print_notice(_NAME, *write_result(result, directory, extras))
         self._exports = extras.exports
         seconds = self._stopwatch.seconds
         summary = summarise(
@@ -461,21 +402,19 @@ class IdentifierRun:
         return replace(extras, truth=truth, truth_errors=errors)
 
 
-def print_messages(texts: Iterable[str]) -> None:
-    """Print each message on its own line of the standard error stream."""
-    for text in texts:
-        print(f'identifier: {text}', file=sys.stderr)
+def _conditioning(options: argparse.Namespace) -> ConditioningOptions:
+    names = ('fundamental', 'harmonics', 'cutoff', 'filter', 'exact_stamps')
+    return ConditioningOptions(**{name: getattr(options, name) for name in names})
 
 
-def print_replaced(directory: ResultDirectory) -> None:
-    """Print a message if the new result replaced an earlier result in the same folder."""
+def _print_replaced(directory: ResultDirectory) -> None:
     if directory.replaced:
-        print_messages([f'{directory.target}: the new result replaced an earlier result'])
+        print_notice(_NAME, f'{directory.target}: the new result replaced an earlier result')
 
 
 def _progress(text: str) -> None:
     if sys.stderr.isatty():
-        print(f'identifier: {text} ...', file=sys.stderr)
+        print_notice(_NAME, f'{text} ...')
 
 
 _FILES = ('payload.yaml', MARKER)
@@ -510,23 +449,16 @@ class PayloadRun(IdentifierRun):
             if options.gravity is None:
                 robot = robot.with_gravity(estimated_arm(options.model, robot.gravity_in_base)[1])
             recordings = [self._recording(path) for path in options.payload]
-            conditioning = ConditioningOptions(
-                fundamental=options.fundamental,
-                harmonics=options.harmonics,
-                cutoff=options.cutoff,
-                filter=options.filter,
-                exact_stamps=options.exact_stamps,
-            )
             deviation = gain_deviation(options)
-            payload = weigh_payload(robot, estimate, recordings, conditioning, deviation)
+            payload = weigh_payload(robot, estimate, recordings, _conditioning(options), deviation)
             directory.write('payload.yaml', payload_yaml(estimate, payload))
             summary = {
                 'model': str(options.model),
                 'payload': {'mass': payload.mass, 'mass_standard_deviation': float(payload.std[0])},
             }
             directory.write_json(MARKER, summary)
-            print_messages(self._arm.messages)
-        print_replaced(directory)
+            print_notice(_NAME, *self._arm.messages)
+        _print_replaced(directory)
         return (
             f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg\n'
             f'{directory.target / "payload.yaml"}'

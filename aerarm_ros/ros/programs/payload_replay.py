@@ -29,9 +29,15 @@ from aerarm_ros.online.payload_estimator import (
 from aerarm_ros.online.replay import KnownArm, LoadChange, Replay, unexplained_torque
 from aerarm_ros.ros.controllers.friction_log import ESTIMATOR_PARAMETERS, estimator_settings
 from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
+from aerarm_ros.ros.process.process_end import (
+    INTERRUPTED,
+    USER_ERROR,
+    StopSignals,
+    print_error,
+    print_notice,
+)
 from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
-from aerarm_ros.ros.programs.identifier_options import add_arm_options, pair
+from aerarm_ros.ros.programs.identifier_options import Option, add_arm_options, table_parser
 from aerarm_ros.ros.programs.identifier_run import UNCALIBRATED, RecordedArm, gain_deviation
 
 
@@ -42,17 +48,27 @@ def main() -> int:
     return (show_trend if is_trend else replay)(name, given)
 
 
+_TREND_OPTIONS: tuple[Option, ...] = (
+    ('--trend', {'type': Path, 'required': True, 'metavar': 'FILE'},
+        'file that payload_estimator writes if its parameter friction_file is set'),
+)  # fmt: skip
+_OPTIONS: tuple[Option, ...] = (
+    ('--bag', {'nargs': '+', 'type': Path, 'required': True, 'metavar': 'DIR'},
+        'recordings in chronological order: rosbag2 folders, or .mcap, .db3, .csv, .npz and ROS 1 '
+        '.bag files. In the first recording the arm must start without payload'),
+    ('--model', {'type': Path, 'metavar': 'FILE'},
+        'identified model of the arm, estimate.yaml (default: the model in the URDF)'),
+    ('--out', {'type': Path, 'metavar': 'DIR'}, 'folder for the results; needs --model'),
+    ('--known-mass', {'type': float, 'metavar': 'KG'},
+        'mass that the arm carries in all bags; the program calibrates the effort gains with this '
+        'mass instead of estimating a payload; needs --model'),
+)  # fmt: skip
+
+
 def show_trend(name: str, arguments: Sequence[str]) -> int:
     """Print the friction trend; return 0, or 2 if the user must check an input."""
-    parser = OneLineParser(
-        prog=name, description='Print how the joint friction has changed over days and weeks.'
-    )
-    parser.add_argument(
-        '--trend',
-        type=Path,
-        required=True,
-        metavar='FILE',
-        help='file that payload_estimator writes if its parameter friction_file is set',
+    parser = table_parser(
+        name, 'Print how the joint friction has changed over days and weeks.', _TREND_OPTIONS
     )
     options = parser.parse_args(arguments)
     try:
@@ -142,30 +158,8 @@ def run_replay(
 
 def replay_parser(name: str) -> OneLineParser:
     """Return the parser of the options of `payload_estimator --bag`."""
-    parser = OneLineParser(
-        prog=f'{name} --bag', description='Estimate the payload from bags instead of topics.'
-    )
-    parser.add_argument(
-        '--bag', nargs='+', type=Path, required=True, metavar='DIR', action='extend',
-        help=(
-            'recordings in chronological order: rosbag2 folders, or .mcap, .db3, .csv, .npz and '
-            'ROS 1 .bag files. In the first recording the arm must start without payload'
-        ),
-    )  # fmt: skip
-    parser.add_argument(
-        '--model',
-        type=Path,
-        metavar='FILE',
-        help='identified model of the arm, estimate.yaml (default: the model in the URDF)',
-    )
-    parser.add_argument(
-        '--out', type=Path, metavar='DIR', help='folder for the results; needs --model'
-    )
-    parser.add_argument(
-        '--known-mass', type=float, metavar='KG',
-        help='mass that the arm carries in all bags; the program calibrates the effort gains '
-             'with this mass instead of estimating a payload; needs --model',
-    )  # fmt: skip
+    description = 'Estimate the payload from bags instead of topics.'
+    parser = table_parser(f'{name} --bag', description, _OPTIONS)
     add_arm_options(parser)
     add_parameters(parser, ESTIMATOR_PARAMETERS, measured=_NOISE)
     return parser
@@ -235,17 +229,12 @@ class PayloadReplay:
         if self._measures_noise:
             options.torque_noise = EstimatorSettings.torque_noise
         check_parameters(options, ESTIMATOR_PARAMETERS)
-        if options.out and not options.model:
-            raise IdentificationError(
-                'the files of --out contain the identified arm with its payload: pass the '
-                'identified arm with --model'
-            )
         self._gain_deviation = gain_deviation(options)
-        if options.known_mass is not None and not options.model:
-            raise IdentificationError(
-                '--known-mass calibrates the effort gains of an identified arm: pass the '
-                'identified arm with --model'
-            )
+        for name in ('out', 'known_mass'):
+            if getattr(options, name) is not None and not options.model:
+                raise IdentificationError(
+                    f'{_option(name)} needs an identified arm: pass its estimate.yaml with --model'
+                )
         self._recorded = RecordedArm(options, options.bag)
         self._arm, self._estimate = known_arm(self._recorded, options)
 
@@ -284,8 +273,7 @@ class PayloadReplay:
             changes = replay.play(recording)
             text = _changes_text(changes, replay.knocks)
             lines.append(f'{recording.name}: {recording.duration:.1f} s, {text}')
-        for message in self._recorded.messages:
-            print(f'payload_estimator: {message}', file=sys.stderr)
+        print_notice('payload_estimator', *self._recorded.messages)
         last = None if replay is None else replay.estimate
         assert last is not None
         payload = last.payload.with_scale_deviation(self._gain_deviation)
@@ -313,8 +301,8 @@ class PayloadReplay:
             self._gain_deviation or UNCALIBRATED,
         )
         names = self._arm.robot.joint_names
-        before = dict(pair(text, '--effort-gain') for text in self._options.effort_gain)
-        old = np.array([float(before.get(name, 1.0)) for name in names])
+        before = dict(self._options.effort_gain)
+        old = np.array([before.get(name, 1.0) for name in names])
         gains, std = old * found.factors, old * found.std
         rows = zip(names, old, gains, std, strict=True)
         lines = ['Effort gain of each joint, before -> after the calibration with the known mass:']

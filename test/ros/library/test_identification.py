@@ -125,12 +125,9 @@ def test_noise_is_taken_for_no_delay(arrays: tuple[np.ndarray, ...]) -> None:
 def test_shapes_are_checked_with_a_sentence() -> None:
     time, q = np.arange(5.0), np.zeros((5, 4))
     for given, words in (
-        ((q, q, q), r'time has the shape \(5, 4\): pass an array \(M,\)'),
-        ((time, q[:4], q), r'q has the shape \(4, 4\): pass an array \(M, n\) with M = 5'),
-        (
-            (time, q, q[:, :3]),
-            r'tau has the shape \(5, 3\): pass an array with the shape of q, \(5, 4\)',
-        ),
+        ((q, q, q), r'time has the shape \(5, 4\): pass an array of shape \(any\)'),
+        ((time, q[:4], q), r'q has the shape \(4, 4\): pass an array of shape \(5, any\)'),
+        ((time, q, q[:, :3]), r'tau has the shape \(5, 3\): pass an array of shape \(5, 4\)'),
         ((time, q, [[1.0], [2.0, 3.0]]), 'tau is not an array of numbers: pass numbers, in rows'),
     ):
         with pytest.raises(IdentificationError, match=words):

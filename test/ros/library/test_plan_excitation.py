@@ -47,7 +47,10 @@ def test_the_plan_is_saved_and_displayed(plan: PlannedExcitation, tmp_path: Path
         ({'harmonics': 500}, 'the highest harmonic'),
         ({'bias': [0.0]}, 'bias has 1 values'),
         ({'lock': 'joint1'}, 'lock = joint1 is possible only if urdf is a path'),
-        ({'acceleration_limit': 5.0}, 'acceleration_limit is only for an arm without a file of'),
+        (
+            {'acceleration_limit': 5.0},
+            'acceleration_limit cannot be combined with the configuration of the drives',
+        ),
     ],
 )
 def test_impossible_arguments_raise_errors(given: dict, message: str) -> None:

@@ -20,7 +20,7 @@ def test_only_statuses_with_quantiles_make_a_table() -> None:
 
 
 def test_a_silent_publisher_turns_stale() -> None:
-    diagnostics = ViewDiagnostics(stale_after=3.0)
+    diagnostics = ViewDiagnostics()
     diagnostics.add('arm', ViewStatus(0, 'ready', received=10.0))
     assert 'OK' in diagnostics.status_html(12.0)
     assert 'STALE' in diagnostics.status_html(14.0)
@@ -54,7 +54,7 @@ def test_text_from_the_graph_is_escaped() -> None:
 
 
 def test_statuses_of_ended_nodes_are_removed() -> None:
-    diagnostics = ViewDiagnostics(gone_after=10.0)
+    diagnostics = ViewDiagnostics()
     diagnostics.add('recorder', ViewStatus(0, 'in order', received=1.0))
     diagnostics.add('arm', ViewStatus(0, 'ready', received=12.0))
     html = diagnostics.status_html(12.0)

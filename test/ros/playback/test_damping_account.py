@@ -9,8 +9,7 @@ def account(*modes: tuple[float, str], begin: float = 0.0, end: float = 10.0) ->
     account = DampingAccount()
     for when, mode in modes:
         account.note(mode, round(when * SECOND))
-    account.begin(round(begin * SECOND))
-    account.end(round(end * SECOND))
+    account.begin_ns, account.end_ns = round(begin * SECOND), round(end * SECOND)
     return account
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.ros.programs.demo_run import DemoAccount
+from aerarm_ros.ros.programs.demo_run import DemoError, account_lines
 
 BRIDGE = 'fake_hardware: 999 cycles, the simulation ran at {} % of real time{}\n'
 RECORDER = (
@@ -13,18 +13,16 @@ RECORDER = (
 )
 
 
-def account(
-    tmp_path: Path, share: str = '99.9', lost: int | str = 0, slip: str = ''
-) -> DemoAccount:
+def account(tmp_path: Path, share: str = '99.9', lost: int | str = 0, slip: str = '') -> list[str]:
     bridge, first, second = (tmp_path / name for name in ('bridge', 'first', 'second'))
     bridge.write_text('[INFO] idle\n' + BRIDGE.format(share, slip))
     first.write_text(RECORDER.format(0))
     second.write_text(RECORDER.format(lost))
-    return DemoAccount.read(bridge, {'identification': first, 'validation': second})
+    return account_lines(bridge, {'identification': first, 'validation': second})
 
 
 def test_the_summary_states_simulation_speed_and_lost_messages(tmp_path: Path) -> None:
-    assert list(account(tmp_path).lines()) == [
+    assert account(tmp_path) == [
         'Bridge    999 cycles, the simulation ran at 99.9 % of real time',
         'Recorder  identification: 2000 messages, 0 lost',
         'Recorder  validation: 2000 messages, 0 lost',
@@ -46,17 +44,17 @@ def test_the_summary_states_simulation_speed_and_lost_messages(tmp_path: Path) -
     ],
 )
 def test_warnings_contain_a_remedy(tmp_path: Path, given: dict, said: str) -> None:
-    *_, warning = account(tmp_path, **given).lines()
+    *_, warning = account(tmp_path, **given)
     assert warning.startswith(said)
     assert 'real-time priority (docs/how-to/raspberry_pi.md, "Real time")' in warning
 
 
 def test_messages_without_numbers_are_not_called_complete(tmp_path: Path) -> None:
-    *_, last = account(tmp_path, lost='unknown').lines()
+    *_, last = account(tmp_path, lost='unknown')
     assert last == 'Recorder  validation: 2000 messages, unknown lost'
 
 
 def test_a_log_without_its_final_line_is_named(tmp_path: Path) -> None:
     (tmp_path / 'bridge').write_text('Killed\n')
-    with pytest.raises(ValueError, match='no line of .*bridge matches'):
-        DemoAccount.read(tmp_path / 'bridge', {})
+    with pytest.raises(DemoError, match='no line of .*bridge matches'):
+        account_lines(tmp_path / 'bridge', {})

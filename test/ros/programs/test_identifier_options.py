@@ -16,6 +16,6 @@ def test_lists_that_are_given_twice_add_up() -> None:
     assert options.bag == [Path('a'), Path('b'), Path('c')]
     assert options.validation == [Path('d'), Path('e')]
     assert options.payload == [Path('f'), Path('g')]
-    assert options.coupled == ['x=y', 'y=x']
+    assert options.coupled == [('x', 'y'), ('y', 'x')]
     assert parser.parse_args(['--bag', 'z']).bag == [Path('z')]
     assert parser.parse_args([]).bag == []

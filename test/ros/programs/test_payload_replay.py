@@ -23,7 +23,6 @@ def empty(folder: Path) -> Path:
         (['{bag}', '--memory', '0'], '--memory must be a finite number in s, from 1.0 to 3600.0'),
         (['{bag}', '--memory', 'nan'], '--memory must be'),
         (['{bag}', '--rate', '100'], '--rate applies to tables'),
-        (['{bag}', '--rename', 'joint1'], 'write LEFT=RIGHT'),
         (['{bag}', '--ros-args', '-p', 'memory:=3.0'], 'memory is a parameter of the node'),
     ],
 )
