@@ -131,34 +131,33 @@ def test_from_the_ride_of_an_emulated_arm_to_a_bridge_with_its_offsets(
     start_bridge: StartBridge, ros_node: Node, tmp_path: Path
 ) -> None:
     truth, bag, out = tmp_path / 'truth.yaml', tmp_path / 'bag', tmp_path / 'result'
-    made = {'seed': 3, 'geometry_seed': 5}
+    place = [0.2, 1.3, -0.3, 0.4]
+    made = {'seed': 3, 'geometry_seed': 5, 'initial_position': place}
     bridge = start_bridge(**made, mocap_rate=100.0, mocap_clock=0.08, truth_file=truth)
+    client = BridgeClient(ros_node)
+    client.wait_for_mode('idle')
+    before = newest_position(client)
     with NodeProcess('computed_torque', log=tmp_path / 'controller.log'):
         enabled = run('arm', 'enable', '--timeout', '200', '--wait-before', 'idle',
                       '--wait', 'ready', 'running')  # fmt: skip
         assert enabled.returncode == 0, enabled.stderr
-        ride = run('arm', 'calibrate', '--postures', '8', '--rest', '0.7', '--span', '0.4',
+        ride = run('arm', 'calibrate', '--postures', '6', '--rest', '0.7', '--span', '0.4',
                    '--timeout', '200', '--out', str(bag))  # fmt: skip
         assert ride.returncode == 0, ride.stderr + ride.stdout
     bridge.stop()
     assert 'sensors: /mocap/marker1, /mocap/marker2' in ride.stderr
     done = run('calibrator', '--bag', bag, '--out', out)
     assert done.returncode == 0, done.stderr
-    assert 'the arm rests in 8 postures' in done.stderr
+    assert 'the arm rests in 6 postures' in done.stderr
     figures = json.loads((out / 'summary.json').read_text())
     assert figures['errors']['training']['after_mm'] < 0.5
 
     # The emulated hardware stays as made; the bridge reads it with calibrated offsets.
-    place = {'initial_position': [0.2, 1.3, -0.3, 0.4]}
-    read = []
     drawn = str(resource('config', 'aerarm.yaml'))
-    for config in (drawn, str(out / 'arm.yaml')):
-        bridge = start_bridge(**made, **place, config=config, hardware_config=drawn)
-        client = BridgeClient(ros_node)
-        client.wait_for_mode('idle')
-        read.append(newest_position(client))
-        bridge.stop()
+    start_bridge(**made, config=str(out / 'arm.yaml'), hardware_config=drawn)
+    client.modes.clear()
+    client.wait_for_mode('idle')
     offsets = load_arm_config(out / 'arm.yaml').column('offset')
-    np.testing.assert_allclose(read[1] - read[0], offsets, atol=2e-3)
+    np.testing.assert_allclose(newest_position(client) - before, offsets, atol=2e-3)
     true = np.array(yaml.safe_load(truth.read_text())['geometry']['joint_offsets'])
-    np.testing.assert_allclose(read[0], np.array(place['initial_position']) - true, atol=2e-3)
+    np.testing.assert_allclose(before, np.array(place) - true, atol=2e-3)

@@ -148,7 +148,7 @@ def bench(request: pytest.FixtureRequest, ros_node: Node, tmp_path: Path) -> Ite
     autopilot.close()
 
 
-def test_publishes_sensors_and_set_points_without_arming(bench: Bench) -> None:
+def test_publishes_sensors_set_points_and_a_trajectory_without_arming(bench: Bench) -> None:
     assert bench.until(lambda: len(bench.received) == 3)
     odometry, imu, rotors = (bench.received[name] for name in ('odometry', 'imu', 'rotor_command'))
     place = odometry.pose.pose.position
@@ -170,10 +170,29 @@ def test_publishes_sensors_and_set_points_without_arming(bench: Bench) -> None:
     count = len(bench.autopilot.of(set_points))
     bench.until(lambda: False, 1.0)
     assert len(bench.autopilot.of(set_points)) == count
+    # A trajectory ends in a hover.
+    topic = topics.FLIGHT_TRAJECTORY
+    paths = bench.node.create_publisher(topic.type, topic.name, topic.qos)
+    assert bench.until(paths.get_subscription_count)
+    point = MultiDOFJointTrajectoryPoint(transforms=[Transform()])
+    place = point.transforms[0].translation
+    place.x, place.y, place.z = 2.5, 1.0, 3.0
+    point.transforms[0].rotation.w = 1.0
+    point.time_from_start.nanosec = 500_000_000
+    paths.publish(MultiDOFJointTrajectory(joint_names=['drone'], points=[point]))
+    bench.until(lambda: False, 2.0)  # beyond its end and set_point_timeout
+    count = len(bench.autopilot.of(set_points))
+    bench.until(lambda: False, 0.5)
+    assert len(bench.autopilot.of(set_points)) > count
+    last = bench.autopilot.of(set_points)[-1]
+    assert last['y'] == pytest.approx(2.5)  # north-east-down
+    assert (last['vx'], last['vy'], last['vz']) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
     assert bench.autopilot.commands() == []
 
 
-def test_arms_and_changes_the_mode_only_by_its_services(bench: Bench) -> None:
+def test_arms_and_changes_the_mode_only_by_its_services_while_set_points_continue(
+    bench: Bench,
+) -> None:
     assert bench.until(lambda: bench.status.get('mode') == 'auto hold')
     response = bench.call('offboard')
     assert (response.success, response.message) == (True, 'accepted')
@@ -184,10 +203,7 @@ def test_arms_and_changes_the_mode_only_by_its_services(bench: Bench) -> None:
     bench.autopilot.base_mode, bench.autopilot.custom_mode = 209, 6 << 16
     assert bench.until(lambda: bench.status.get('mode') == 'offboard')
     assert bench.until(lambda: bench.status.get('armed') == 'True')
-
-
-def test_set_points_continue_while_a_request_waits(bench: Bench) -> None:
-    assert bench.until(lambda: bench.status.get('mode') == 'auto hold')
+    # Set points continue while a request waits.
     bench.autopilot.is_deaf = True
     client = bench.node.create_client(Trigger, 'mavlink_feedforward/arm')
     assert bench.until(client.service_is_ready)
@@ -201,24 +217,6 @@ def test_set_points_continue_while_a_request_waits(bench: Bench) -> None:
             times.append(time.monotonic())
     assert future.result().message.startswith('the autopilot did not answer within 2 s')
     assert times[-1] - times[0] > 1.2, 'beyond set_point_timeout'
-
-
-def test_a_trajectory_ends_in_a_hover(bench: Bench) -> None:
-    topic = topics.FLIGHT_TRAJECTORY
-    paths = bench.node.create_publisher(topic.type, topic.name, topic.qos)
-    assert bench.until(lambda: paths.get_subscription_count() and len(bench.received) == 3)
-    point = MultiDOFJointTrajectoryPoint(transforms=[Transform()])
-    place = point.transforms[0].translation
-    place.x, place.y, place.z = 2.5, 1.0, 3.0
-    point.transforms[0].rotation.w = 1.0
-    point.time_from_start.nanosec = 500_000_000
-    paths.publish(MultiDOFJointTrajectory(joint_names=['drone'], points=[point]))
-    bench.until(lambda: False, 2.0)  # beyond its end and set_point_timeout
-    bench.autopilot.heard.clear()
-    bench.until(lambda: False, 0.5)
-    last = bench.autopilot.of('SET_POSITION_TARGET_LOCAL_NED')[-1]
-    assert last['y'] == pytest.approx(2.5)  # north-east-down
-    assert (last['vx'], last['vy'], last['vz']) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
 def test_a_lost_link_and_damaged_frames_are_on_diagnostics(bench: Bench) -> None:

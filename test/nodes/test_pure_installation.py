@@ -6,11 +6,13 @@ import shutil
 import subprocess
 import sys
 import venv
+from importlib.metadata import distribution, distributions
 from pathlib import Path
 
 import numpy as np
 import pytest
 from identifier_process import measured, motion, write_bag
+from packaging.requirements import Requirement
 
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.ros.process.process_end import USER_ERROR
@@ -25,37 +27,60 @@ ENVIRONMENT = {
 }
 
 
-def run(*command: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
+def run(*command: object, status: int = 0) -> str:
+    """Return the standard error of a command that ends with a status."""
+    done = subprocess.run(
         [*map(str, command)], env=ENVIRONMENT, capture_output=True, text=True, timeout=280.0
     )
+    assert done.returncode == status, done.stderr
+    return done.stderr
+
+
+def link(name: str, packages: Path) -> None:
+    """Link an installed distribution, and all that it requires, into another environment."""
+    found = distribution(name)
+    for top in {file.parts[0] for file in found.files or ()} - {'..', '__pycache__'}:
+        if not (packages / top).exists():
+            (packages / top).symlink_to(found.locate_file(top))
+    link_required(found.requires, packages)
+
+
+def link_required(required: list[str] | None, packages: Path) -> None:
+    for requirement in map(Requirement, required or ()):
+        is_linked = any(packages.glob(f'{requirement.name.replace("-", "_")}-*'))
+        if not is_linked and (not requirement.marker or requirement.marker.evaluate({'extra': ''})):
+            link(requirement.name, packages)
 
 
 @pytest.fixture(scope='module')
 def commands(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of the installed commands."""
+    """Return the folder of the installed commands.
+
+    The packages that the suite requires are linked, because to download them takes minutes.
+    """
     folder = tmp_path_factory.mktemp('pure')
     source = folder / 'source'  # a copy, because setuptools writes beside setup.py
     for name in SOURCES:
-        if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns('*.pyc'))
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns('*.pyc'))
     for name in FILES:
-        if (ROOT / name).is_file():
-            shutil.copy(ROOT / name, source / name)
+        shutil.copy(ROOT / name, source / name)
     reach = (sys.executable, '-m', 'pip', 'download', '--no-deps', '--dest', folder, 'argcomplete')
-    if run(*reach).returncode:
+    if subprocess.run([*map(str, reach)], env=ENVIRONMENT, capture_output=True).returncode:
         pytest.skip('no package index can be reached: check the network')
-    # The pip of this process installs, and only imported modules are compiled.
     venv.create(folder / 'env')
+    (packages,) = (folder / 'env').glob('lib/python*/site-packages')
+    # The pip of this process installs, and only imported modules are compiled.
     pip = (sys.executable, '-m', 'pip', '--python', folder / 'env/bin/python')
-    done = run(*pip, 'install', '--quiet', '--no-compile', source)
-    assert done.returncode == 0, done.stderr
+    run(*pip, 'install', '--quiet', '--no-compile', '--no-deps', source)
+    (suite,) = distributions(path=[str(packages)], name='aerarm_ros')
+    link_required(suite.requires, packages)
+    run(*pip, 'check')
     return folder / 'env/bin'
 
 
 @pytest.mark.skipif('ROS_DISTRO' in os.environ, reason='the packages of a sourced ROS are used')
 def test_a_csv_an_npz_and_a_bag_are_identified(commands: Path, tmp_path: Path) -> None:
-    assert run(commands / 'python', '-c', 'import rclpy').returncode == 1
+    run(commands / 'python', '-c', 'import importlib.util as u; assert not u.find_spec("rclpy")')
     robot = load_robot()
     stamp, q, dq, ddq = motion(1)
     tau = measured(robot, q, dq, ddq)
@@ -64,30 +89,20 @@ def test_a_csv_an_npz_and_a_bag_are_identified(commands: Path, tmp_path: Path) -
     header = ','.join(['time', *names])
     np.savetxt(tmp_path / 'motion.csv', table, delimiter=',', header=header, comments='')
     np.savez(tmp_path / 'motion.npz', time=stamp, q=q, dq=dq, tau=tau)
-    write_bag(tmp_path / 'bag', stamp, (q, dq, tau))
-    errors = []
-    for name in ('motion.csv', 'motion.npz', 'bag'):
-        out = tmp_path / f'result_{name}'
-        given = ('--bag', tmp_path / name, '--holdout', '0.3')
-        done = run(commands / 'identifier', *given, '--out', out)
-        assert done.returncode == 0, done.stderr
-        assert (out / 'identified.urdf').is_file()
-        summary = json.loads((out / 'summary.json').read_text())
-        (error,) = summary['solvers']['sdp']['validation']
-        errors.append(error['filtered'])
+    bag, out = write_bag(tmp_path / 'bag', stamp, (q, dq, tau)), tmp_path / 'result'
+    others = ('--validation', tmp_path / 'motion.csv', tmp_path / 'motion.npz')
+    run(commands / 'identifier', '--bag', bag, *others, '--out', out)
+    assert (out / 'identified.urdf').is_file()
+    solved = json.loads((out / 'summary.json').read_text())['solvers']['sdp']
+    errors = [error['filtered'] for error in (*solved['identification'], *solved['validation'])]
     assert max(errors) < 2.0  # [%]
     assert errors == pytest.approx(errors[:1] * 3, rel=0.01)
     for command in ('excitation_designer', 'calibrator', 'arm'):
-        done = run(commands / command, '--help')
-        assert (done.returncode, done.stderr) == (0, ''), command
-    model = tmp_path / 'result_bag' / 'estimate.yaml'
-    done = run(commands / 'payload_estimator', '--bag', tmp_path / 'bag', '--model', model)
-    assert done.returncode == 0, done.stderr
-    given = ('--free', tmp_path / 'bag', '--model', model, '--out', tmp_path / 'thresholds')
-    done = run(commands / 'contact_estimator', *given)
-    assert done.returncode == 0, done.stderr
+        assert run(commands / command, '--help') == ''
+    model = out / 'estimate.yaml'
+    run(commands / 'payload_estimator', '--bag', bag, '--model', model)
+    given = ('--free', bag, '--model', model, '--out', tmp_path / 'thresholds')
+    run(commands / 'contact_estimator', *given)
     assert (tmp_path / 'thresholds' / 'residuals.yaml').is_file()
-    done = run(commands / 'arm', 'init', ROOT / 'urdf/aerarm.urdf', '--out', tmp_path)
-    assert done.returncode == 0, done.stderr
-    done = run(commands / 'arm', 'enable')
-    assert (done.returncode, done.stderr.count('\n')) == (USER_ERROR, 1)
+    run(commands / 'arm', 'init', ROOT / 'urdf/aerarm.urdf', '--out', tmp_path)
+    assert run(commands / 'arm', 'enable', status=USER_ERROR).count('\n') == 1

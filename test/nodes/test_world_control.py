@@ -26,7 +26,7 @@ def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
     case = PushingCase(drone=FULL, gap=0.02)
     with ExitStack() as stack:
         bench = PushingBench(stack, ros_node, tmp_path, case, ArmModel.true())
-        record = bench.push(2.0)
+        record = bench.push(1.0)
         error, peak, across, _ = record.figures()
         assert error < 0.5, 'RMS force error [N]'
         assert peak < 8.0, 'the impact must not exceed the set force by much [N]'
