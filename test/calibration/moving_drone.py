@@ -9,7 +9,7 @@ from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 from aerarm_ros.simulation.made_geometry import MadeGeometry, rotation_about
 from aerarm_ros.simulation.mocap import MARKERS
 
-DURATION = 40.0  # [s]
+DURATION = 20.0  # [s]
 G = np.array([0.0, 0.0, -9.81])
 
 

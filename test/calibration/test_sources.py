@@ -40,11 +40,11 @@ def camera_poses(arm: MeasuredArm, q: np.ndarray, eye_in_hand: bool) -> PoseSour
 @pytest.mark.parametrize('eye_in_hand', [False, True])
 def test_a_camera_calibrates_the_arm_as_well(eye_in_hand: bool) -> None:
     arm = MeasuredArm(6)
-    q = arm.postures(250)
+    q = arm.postures(200)
     source = camera_poses(arm, q, eye_in_hand)
     seen = np.flatnonzero(source.seen)
     assert 40 < len(seen) < len(q)
-    found = calibrate(own_chain(), Observations(q, (source,)).rows(seen))
+    found = calibrate(own_chain(), Observations(q, (source,)).rows(seen[:60]))
     # By the motion capture's markers: the camera's own are nowhere near them.
     held = arm.postures(30, seed=1)
     truth = MarkerSource('mocap', arm.mocap.names, arm.true_positions(held))

@@ -149,7 +149,7 @@ def test_a_hot_arm_is_not_enabled_until_it_has_cooled(config, robot):
 
 @pytest.mark.parametrize('disabled', [True, False])
 def test_the_last_current_of_a_board_without_supply_warms_no_motor(config, robot, disabled):
-    arm = quick(config, 40.0)
+    arm = quick(config, 50.0)
     rig = AttackRig(arm, robot, posture=[0.0, 1.2, 0.0, 0.0], payload=0.2, settings=COLD)
     rig.bring_up().run(0.05, lambda rig: Offer(effort=[0.0, 9.0, 0.0, 0.0]))
     assert rig.bridge.motor_current[1] > 10.0
@@ -157,7 +157,7 @@ def test_the_last_current_of_a_board_without_supply_warms_no_motor(config, robot
     rig.run(0.05)
     if disabled:
         rig.bridge.disable()
-    rig.run(8.0)  # as 5 minutes of the arm as drawn
+    rig.run(6.4)  # as 5 minutes of the arm as drawn
     winding = rig.bridge.heat.limits[1].motor.winding
     if disabled:
         assert winding < 60.0

@@ -15,7 +15,7 @@ from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.robot import load_robot
 
 STRIBECK, VELOCITY = 1.0, 0.2  # of the dry friction, and [rad/s]
-HERE, GOAL = [0.0, 0.5 * np.pi, 0.0, 0.0], [0.3, 1.3, 0.3, -0.3]
+HERE, GOAL = [0.0, 0.5 * np.pi, 0.0, 0.0], [0.15, 1.435, 0.15, -0.15]
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def test_the_disturbance_of_a_slow_motion_contains_no_stribeck_friction(
 
     def move(goal: list[float], **given: object) -> None:
         with bench.controller('computed_torque', compensation=0.0, **given) as process:
-            goals, motion = bench.publisher(topics.JOINT_TRAJECTORY), trajectory(goal, 4.0)
+            goals, motion = bench.publisher(topics.JOINT_TRAJECTORY), trajectory(goal, 2.0)
             bench.wait(lambda: bench.mode == 'running', 'commands')
 
             def is_there() -> bool:

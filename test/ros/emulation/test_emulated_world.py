@@ -65,13 +65,6 @@ def test_a_pause_of_the_host_does_not_advance_simulation_time(
 
 
 @pytest.mark.pace('keep_up')
-def test_stamps_lie_on_the_grid_of_the_period(client: BridgeClient) -> None:
-    client.wait_for(lambda: len(client.states) > 50)
-    taken = steps(client)
-    assert (taken == taken.round()).all()
-
-
-@pytest.mark.pace('keep_up')
 def test_the_world_waits_for_a_controller_that_was_paused(
     client: BridgeClient, tmp_path: Path
 ) -> None:
@@ -104,22 +97,6 @@ def test_a_controller_that_ends_has_the_arm_held_unless_it_is_to_be_released(
             client.wait_for_mode('running')
         client.wait_for_mode(mode)
         assert client.modes[seen:] == ['running', mode]
-
-
-def test_in_lockstep_a_silent_node_is_awaited_once(
-    start_bridge: StartBridge, ros_node: Node
-) -> None:
-    bridge = start_bridge(pace='lockstep', answer_timeout=0.5)
-    client = BridgeClient(ros_node)
-    client.make_ready()
-    client.answer = hold
-    client.wait_for_mode('running')
-    client.answer = None
-    client.wait_for_mode('damping')
-    assert (
-        bridge.log.read_text().count('within 0.5 s (answer_timeout), so the simulation continues')
-        == 1
-    )
 
 
 def test_a_controller_starts_after_the_clock_was_set_back(
@@ -158,15 +135,19 @@ def test_in_lockstep_requests_are_served_while_the_world_stands(
 
 
 @pytest.mark.pace('keep_up')
-def test_the_clock_equals_the_time_of_the_states(client: BridgeClient, ros_node: Node) -> None:
+def test_the_clock_equals_the_time_of_the_states_on_the_grid_of_the_period(
+    client: BridgeClient, ros_node: Node
+) -> None:
     clock: list[int] = []
     ros_node.create_subscription(
         Clock, topics.CLOCK.name, lambda message: clock.append(stamp_ns(message)), topics.CLOCK.qos
     )
-    client.wait_for(lambda: len(clock) > 50)
+    client.wait_for(lambda: len(clock) > 50 and len(client.states) > 50)
     assert all(np.diff(clock) > 0)
     states = {stamp_ns(state) for state in client.states}
     assert states.intersection(clock)
+    taken = steps(client)
+    assert len(taken) and (taken == taken.round()).all()
 
 
 def test_in_real_time_there_is_no_clock(start_bridge: StartBridge, ros_node: Node) -> None:
@@ -221,13 +202,14 @@ def test_in_lockstep_a_silent_publisher_is_named(start_bridge: StartBridge, ros_
     client.wait_for_mode('running')
 
 
-def test_in_lockstep_a_second_controller_is_waited_for_as_the_first(
+def test_in_lockstep_each_silent_controller_is_awaited_once(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:
-    start_bridge(answer_timeout=1.0)
+    bridge = start_bridge(pace='lockstep', answer_timeout=0.7)
+    said = 'within 0.7 s (answer_timeout), so the simulation continues'
     client = BridgeClient(ros_node)
     client.make_ready()
-    for _ in range(2):
+    for number in (1, 2):
         client.answer = hold
         client.wait_for_mode('running')
         client.answer = None
@@ -236,6 +218,7 @@ def test_in_lockstep_a_second_controller_is_waited_for_as_the_first(
         client.spin(0.1)
         assert stamp_ns(client.states[-1]) == last  # not one state ahead of the answer
         client.wait_for_mode('damping')
+        assert bridge.log.read_text().count(said) == number
         assert client.call('enable').success
         client.wait_for_mode('ready')
 
