@@ -8,7 +8,6 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -100,8 +99,21 @@ VALUES = (
     topics.RECORDED_UNTIL,
 )
 """Other periodic topics; the ground receives only the newest message, at a lower rate."""
+STEADY = (
+    topics.JOINT_STATES,
+    topics.MOTOR_STATES,
+    topics.MOTOR_POWER,
+    topics.IMU,
+    topics.ODOMETRY,
+    topics.EXTERNAL_ODOMETRY,
+    topics.TOOL_POSE,
+    topics.BASE_WRENCH,
+    topics.ARM_INERTIA,
+    topics.ARM_COM,
+)
+"""Topics that their publishers publish periodically without pauses."""
 SILENT = 2.0
-"""Time [s] without joint states after which the drone warns about them."""
+"""Time [s] without a message after which the drone warns about a topic in `STEADY`."""
 EVENTS = (
     topics.ARM_MODE,
     topics.PLAN_STATUS,
@@ -163,7 +175,7 @@ class DroneTopics:
         self._node = node
         self._connection = connection
         self._reader = RawReader(node, *(topic.queued(_DEPTH) for topic in DOWN))
-        self._came = -inf  # [s], of the newest joint state
+        self._came: dict[str, float] = {}  # [s], of the newest message of each topic
         self._windows = [JointStateStream(self._send_layout) for _ in WINDOWED]
         self._periods = [1.0 / rates[topic.name] for topic in (*WINDOWED, *VALUES)]
         self._due = [0.0] * len(self._periods)
@@ -177,7 +189,7 @@ class DroneTopics:
         """Pass messages that were received from the drone's nodes to the connection."""
         for channel in range(len(DOWN)):
             for payload in _waiting(self._reader, channel):
-                self._came = now if DOWN[channel] is topics.JOINT_STATES else self._came
+                self._came[DOWN[channel].name] = now
                 if DOWN[channel] is topics.DIAGNOSTICS:
                     self._send_diagnostics(channel, payload, self._connection.is_up(now))
                 else:
@@ -198,11 +210,26 @@ class DroneTopics:
             self._send_layout(text)
 
     def problem(self, now: float) -> str:
-        """Return a warning if no joint states arrive, or an empty string."""
-        if now - self._came <= SILENT:
-            return ''
-        silent = f' for {now - self._came:.0f} s' if isfinite(self._came) else ''
-        return f'no joint_states on the drone{silent}: check that the bridge runs on the drone'
+        """Return a warning about topics in `STEADY` without recent messages, or an empty string.
+
+        A topic without a publisher counts as ended, except `joint_states`, because a bridge must
+        run.
+        """
+        ages = {
+            topic.name: now - self._came[topic.name]
+            for topic in STEADY
+            if now - self._came.get(topic.name, now) > SILENT
+            and (topic is topics.JOINT_STATES or self._node.count_publishers(topic.name))
+        }
+        if ages:
+            listed = ', '.join(f'{name} for {age:.0f} s' for name, age in ages.items())
+            return f'no message on the drone on {listed}: check the nodes that publish these topics'
+        if topics.JOINT_STATES.name not in self._came:
+            return (
+                f'no message on the drone on {topics.JOINT_STATES.name}: start the bridge on the '
+                'drone'
+            )
+        return ''
 
     def publish(self, channel: int, payload: bytes) -> None:
         """Publish a command that was received from the ground."""

@@ -151,20 +151,35 @@ def test_an_unknown_number_is_unknown_on_the_ground(pair: Pair) -> None:
     relay.close()
 
 
-def test_a_silent_bridge_is_named_with_its_age(pair: Pair) -> None:
+def test_a_silent_stream_is_named_with_its_age(pair: Pair) -> None:
     relay = Relay(pair)
-    assert 'no joint_states on the drone: check' in relay.drone.problem(pair.now)
-    topic = topics.JOINT_STATES
-    publisher = pair.drone.node.create_publisher(topic.type, topic.name, 10)
-    message = JointState(name=ORDER, position=[0.0] * 3)
+    assert 'joint_states: start the bridge' in relay.drone.problem(pair.now)
+    node = pair.drone.node
+    steady = topics.JOINT_STATES, topics.IMU
+    made = {t.name: node.create_publisher(t.type, t.name, 10) for t in steady}
+    pair.until(lambda: all(p.get_subscription_count() for p in made.values()))
 
-    def step() -> bool:
-        publisher.publish(message)
+    def publish(*streams: topics.Topic) -> bool:
+        for topic in streams:
+            message = topic.type()
+            if topic is topics.JOINT_STATES:
+                message = JointState(name=ORDER, position=[0.0] * 3)
+            made[topic.name].publish(message)
         return relay.step()
 
-    pair.until(lambda: step() and relay.drone.problem(pair.now) == '')
+    pair.until(lambda: publish(*steady) and relay.drone.problem(pair.now) == '')
     pair.now += SILENT
-    assert 'no joint_states on the drone for 2 s' in relay.drone.problem(pair.now)
+    assert 'no message on the drone on joint_states for 2 s, imu for 2 s' in relay.drone.problem(
+        pair.now
+    )
+    pair.until(lambda: publish(topics.IMU) and 'imu' not in relay.drone.problem(pair.now))
+    assert 'joint_states for' in relay.drone.problem(pair.now)
+    # A stream that ended with its publisher is not missed, but the bridge is.
+    for publisher in made.values():
+        node.destroy_publisher(publisher)
+    pair.now += 60.0
+    pair.until(lambda: 'imu' not in relay.drone.problem(pair.now))
+    assert 'joint_states for 6' in relay.drone.problem(pair.now)
     relay.close()
 
 
