@@ -62,13 +62,13 @@ def run(rig, seconds, moving):
 @pytest.mark.parametrize('moving', [False, True], ids=['at rest', 'in motion'])
 @pytest.mark.parametrize(('fault', 'board', 'motor', 'value', 'text'), STOPPING)
 def test_faults_that_stop_the_arm(rig, fault, board, motor, value, text, moving):
-    run(rig, 0.15, moving)
+    run(rig, 0.3, moving)
     rig.inject(fault, board, motor, value)
     run(rig, 0.1, moving)
     assert rig.bridge.mode == 'fault'
     assert re.search(text, rig.bridge.faults[0]), rig.bridge.faults
     first = rig.bridge.faults[0]
-    run(rig, 0.5, moving)
+    run(rig, 1.0, moving)
     assert rig.bridge.faults[0] == first
     assert rig.speed < 0.05
     assert np.abs(rig.plant.position - rig.config.rest_position).max() < 1.0

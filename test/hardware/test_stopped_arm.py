@@ -21,16 +21,16 @@ KINDS = pytest.mark.parametrize('emulated', [True, False], ids=['emulated', 'rea
 def injected(fault: str, board: int = 0, motor: int = 0, value: float | None = None):
     def break_it(rig) -> None:
         moving = (lambda now: (None, MOVING, None)) if fault in NOT_AT_REST else None
-        rig.run(0.1, moving)
+        rig.run(0.2, moving)
         rig.inject(fault, board, motor, value)
-        rig.run(0.3 if moving else 0.15, moving)
+        rig.run(0.3, moving)
 
     return break_it
 
 
 def stopped_by_hand(rig) -> None:
     rig.bridge.e_stop('test')
-    rig.run(0.05)
+    rig.run(0.2)
 
 
 def stopped_and_sunk(rig) -> None:
@@ -39,7 +39,7 @@ def stopped_and_sunk(rig) -> None:
     rig.run(0.02)
     beyond = rig.config.joints[1].position_max + 0.08
     start = rig.plant.position.copy()
-    for share in np.linspace(0.0, 1.0, 500):
+    for share in np.linspace(0.0, 1.0, 1000):
         rig.plant.reset([start[0], start[1] + share * (beyond - start[1]), *start[2:]])
         rig.cycle()
 
@@ -146,8 +146,8 @@ def follow(rig, steps: str, emulated: bool) -> None:
         assert answer.accepted, (steps, step, answer.message)
         rig.run(0.05)
     rig.align()  # motors that were off
-    for _ in range(120):
-        rig.run(0.025)
+    for _ in range(30):
+        rig.run(0.1)
         if rig.bridge.mode == 'ready':
             return
 
@@ -165,7 +165,7 @@ def test_the_stated_recovery_steps_clear_the_fault(make_rig, fault: str, emulate
     assert rig.bridge.recovery_hint(emulated) == ''
     # Its angles are the true ones, and it can be commanded.
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=1e-3)
-    rig.run(0.1, lambda now: (None, [0.2, 0.0, 0.0, 0.0], None))
+    rig.run(0.3, lambda now: (None, [0.2, 0.0, 0.0, 0.0], None))
     assert rig.bridge.mode == 'running', (steps, rig.bridge.faults)
 
 
