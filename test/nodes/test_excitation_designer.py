@@ -15,6 +15,7 @@ from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDe
 from aerarm_ros.nodes.excitation_designer import main
 from aerarm_ros.ros.programs import design_run
 
+DESIGNER = [sys.executable, '-m', 'aerarm_ros.executables', 'excitation_designer']
 SMALL = ['--harmonics', '2', '--starts', '1', '--workers', '1', '--objective', 'condition']
 PATIENT = '--time-limit', '600'  # for a busy host; it is over much earlier
 
@@ -165,14 +166,7 @@ def test_another_arm_by_the_defaults(
 def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
     """Ctrl-C at any time in the first seconds, while libraries are loading."""
     out = tmp_path / 'best.yaml'
-    command = [
-        sys.executable,
-        '-m',
-        'aerarm_ros.executables',
-        'excitation_designer',
-        '--out',
-        str(out),
-    ]
+    command = [*DESIGNER, '--out', str(out)]
     # Told through a pipe that its handlers are set, before the first slow import.
     script = (
         'import sys; from aerarm_ros.ros.process import process_end as s; '
@@ -201,14 +195,7 @@ def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
 
 def test_a_stop_keeps_the_best_so_far(tmp_path: Path) -> None:
     out = tmp_path / 'best.yaml'
-    command = [
-        sys.executable,
-        '-m',
-        'aerarm_ros.executables',
-        'excitation_designer',
-        '--out',
-        str(out),
-    ]
+    command = [*DESIGNER, '--out', str(out)]
     process = subprocess.Popen(
         [*command, '--starts', '1000', '--time-limit', '600'], stdout=subprocess.PIPE, text=True
     )
