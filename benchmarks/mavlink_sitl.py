@@ -50,7 +50,7 @@ from aerarm_ros.autopilot.px4_setup import Px4Setup
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.controllers.controller_parameters import inertia_message, wrench_message
+from aerarm_ros.ros.messages import inertia_message, wrench_message
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.states.state_stream import base_header
 

@@ -31,7 +31,7 @@ from rclpy.node import Node
 # Format of a line, headings, and cases.
 TABLES = (
     (
-        '{:20} {:>8} {:>6} {:>9} {:>6} {:>9} {:>7} {:>8} {:>6}  {}',
+        '{:20} {:>8} {:>6} {:>9} {:>6} {:>9} {:>7} {:>8} {:>8} {:>6}  {}',
         (
             'flight',
             'tool mm',
@@ -41,9 +41,10 @@ TABLES = (
             'beyond mm',
             'left mm',
             'tilt deg',
+            'turn deg',
             'goal',
             '',
-        ),  # fmt: skip
+        ),
         CASES,
     ),
     (

@@ -42,9 +42,10 @@ _LONGEST_STEP = 0.02  # [s] of an undivided prediction step
 _JUMP, _TURN, _DEVIATIONS = 0.02, 0.15, 5.0
 _DOUBT = 0.1  # [s] for which a jump must stay before it is accepted
 _GROWTH = 0.3  # [m/s] growth of the prediction's error without odometry
-# [s] largest plausible age of an IMU sample beyond its latency, more is a clock offset; time over
-# which the smallest age is observed; and a step of the clock, which restarts this.
-_SAME_CLOCK, _CLOCK_TIME, _CLOCK_STEP = 0.05, 2.0, 1.0
+# [s] plausible ages of an IMU sample beyond its latency: a clock offset has more than the first and
+# ends below the second. Time over which the smallest age counts, and a step of the clock.
+_SAME_CLOCK, _SAME_AGAIN, _CLOCK_TIME, _CLOCK_STEP = 0.05, 0.03, 2.0, 1.0
+_OFFSET_STEP, _OFFSET_RATE = 0.08, 0.01  # [s], [s/s]; a smaller change of the offset is slow
 _LATE = 0.1  # [s] mean age of the odometry, for a warning
 _AGE_TIME = 1.0  # [s] over which the age is averaged
 _FROZEN, _MOVING_RATE, _MOVING_SPEED = 0.1, 0.02, 0.02  # [s], [rad/s], [m/s]
@@ -183,7 +184,7 @@ class BasePoseEstimator:
             (np.inf, np.inf),
             -np.inf,
         )  # smallest ages of the IMU, and since when
-        self._offset = 0.0  # the arm's clock minus the drone's [s]
+        self._offset, self._is_other_clock = 0.0, False  # the arm's clock minus the drone's [s]
         self._forget()
 
     def _forget(self) -> None:
@@ -215,7 +216,7 @@ class BasePoseEstimator:
 
     def warning(self) -> str:
         """Return a text if the sensors are too poor to hold the tool, otherwise an empty one."""
-        if abs(self._offset) > _SAME_CLOCK:
+        if self._is_other_clock and abs(self._offset) > _SAME_AGAIN:
             return (
                 f'IMU: the samples arrive {min(self._ages):.3f} s after their stamps (imu_latency: '
                 f'{self._imu_latency:g}), so the controller assumes that the clocks of drone and '
@@ -312,8 +313,14 @@ class BasePoseEstimator:
         self._ages = earlier, min(least, age)
         # The earliest arrival has the least delay.
         least = min(self._ages)
-        same = 0.0 <= least <= self._imu_latency + _SAME_CLOCK
-        self._offset = 0.0 if same else least - self._imu_latency
+        plausible = _SAME_AGAIN if self._is_other_clock else _SAME_CLOCK
+        self._is_other_clock = not 0.0 <= least <= self._imu_latency + plausible
+        change = (least - self._imu_latency if self._is_other_clock else 0.0) - self._offset
+        if self._state is not None and abs(change) < _OFFSET_STEP:
+            # A step of the predicted time would be a step of the pose.
+            most = _OFFSET_RATE * max(stamp - self._imu_stamp, 0.0)
+            change = min(max(change, -most), most)
+        self._offset += change
 
     def _drone_time(self, now: float) -> float:
         return now - self._offset
@@ -373,10 +380,12 @@ class BasePoseEstimator:
             self._problem = 'the pose does not change while the drone moves (frozen)'
             raise RejectedInputError(self._problem)
         measured = self._measured(sample)
-        if self._state is None or not -_FORGOTTEN < interval < _FORGOTTEN:
+        is_set_back = now < self._received  # the arm's clock
+        if self._state is None or is_set_back or not -_FORGOTTEN < interval < _FORGOTTEN:
             self._begin(measured, sample, now)
             return
-        if not self._has_imu(self._state.time) or not self._has_imu(sample.stamp):
+        is_ahead = sample.stamp - self._state.time > _IMU_GAP
+        if is_ahead or not self._has_imu(self._state.time) or not self._has_imu(sample.stamp):
             self._advance_blindly(sample)
         self._correct(measured, now)
 
@@ -397,7 +406,7 @@ class BasePoseEstimator:
         self._good_since = now
 
     def _accept(self, now: float) -> None:
-        if self._problem:
+        if now - self._received > self._timeout:
             self._good_since = now
         self._problem, self._doubted, self._received = '', None, now
 
@@ -455,6 +464,8 @@ class BasePoseEstimator:
         interval = now - self._received
         farthest = self._speed_max * interval
         largest = max(farthest / gain[0, 0], _NOISE_SHARE * float(self.noise[0]))
+        spread = float(np.sqrt(matrix[1, 1]))
+        faster = limited(faster, self._speed_max + _NOISE_SHARE * spread)
         shift, change, bias = gain @ np.array([limited(off, largest), faster])
         part = min(interval, _ATTITUDE_TIME) / _ATTITUDE_TIME
         most = max(farthest / _LEVER, _RATE_BIAS_MAX * interval)

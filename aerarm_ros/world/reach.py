@@ -155,18 +155,17 @@ class DroneRequest:
     def update(self, now: float, target: Array, pose: BasePose) -> FlightTarget:
         """Return the drone position to request at `now` [s], for a tool target (3,)."""
         body = pose.rotation @ self._to_mount.T
-        if self._place is None:
-            self._place, self._yaw, self._time = (
-                pose.position - body @ self._mount,
-                yaw_of(body),
-                now,
-            )
+        place = self._place  # another thread may reset the request
+        if place is None:
+            place = pose.position - body @ self._mount
+            self._yaw, self._time = yaw_of(body), now
         step, self._time = min(max(now - self._time, 0.0), 1.0), now
         c, s = np.cos(self._yaw), np.sin(self._yaw)
         turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        way = target - turned @ self._tool - self._place
+        way = target - turned @ self._tool - place
         left = float(np.linalg.norm(way))
         self._moves = left > (1e-6 if self._moves else self._deadband)
         if self._moves:
-            self._place = self._place + min(1.0, self._speed * step / left) * way
-        return FlightTarget(self._place, self._yaw)
+            place = place + min(1.0, self._speed * step / left) * way
+        self._place = place
+        return FlightTarget(place, self._yaw)

@@ -435,7 +435,11 @@ class ReactionLimit:
 
     def __init__(self, governor: RotorGovernor) -> None:
         self._governor = governor
-        self._lasting = np.zeros(governor.whole.n)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget earlier accelerations."""
+        self._lasting = np.zeros(self._governor.whole.n)
 
     def __call__(self, q: Array, dq: Array, ddq: Array, dt: float) -> Array:
         """Return the acceleration (n,) [rad/s^2], limited, for a cycle of `dt` [s]."""

@@ -1,6 +1,5 @@
 """Control law that holds the tool in the world, on a base that the arm's motion moves."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from aerarm_ros.motion.path_stop import brake
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference, limited
 from aerarm_ros.world.base_pose import BasePose
+from aerarm_ros.world.rotor_governor import ReactionLimit
 
 # Fraction of the acceleration limits for braking in the base frame.
 _BRAKE_SHARE = 0.7
@@ -124,9 +124,8 @@ class WorldLaw:
         Posture in the null space of the tool [rad]; may be replaced.
     acceleration_max : (n,) ndarray
         Limits of the joints [rad/s^2].
-    limited : callable
-        Returns the accepted acceleration (n,) [rad/s^2] for position, velocity, wanted
-        acceleration and time step, such as `ReactionLimit`. Braking at a joint's limit is exempt.
+    limit : ReactionLimit or None
+        Limit of the joints' acceleration. Braking at a joint's limit is exempt.
     error : (3,) ndarray
         Error of the tool, along the base's axes [m].
     least_singular_value : float
@@ -165,7 +164,7 @@ class WorldLaw:
         self._keeps = posture is not None
         self.posture = finite('posture', 0.0 if posture is None else posture, limits.n)
         self.acceleration_max = limits.acceleration_max.copy()
-        self.limited: Callable[[Array, Array, Array, float], Array] = lambda q, dq, ddq, dt: ddq
+        self.limit: ReactionLimit | None = None
         self._low = limits.position_min + _LIMIT_MARGIN
         self._high = limits.position_max - _LIMIT_MARGIN
         self.least_singular_value = np.inf
@@ -175,7 +174,7 @@ class WorldLaw:
         """Start at the present posture, with the integral at zero."""
         if not self._keeps:
             self.posture = np.array(q)
-        self._integral = np.zeros(3)
+        self._forget()
         self._brake: tuple[PolynomialPath, float] | None = None
         self._time = 0.0
         self.error = np.zeros(3)
@@ -184,6 +183,11 @@ class WorldLaw:
         self.jacobian = self.task = np.zeros((3, self._limits.n))
         self.contact = _NO_FORCE
         self.velocity = np.zeros(3)
+
+    def _forget(self) -> None:
+        self._integral = np.zeros(3)
+        if self.limit is not None:
+            self.limit.reset()
 
     def update(
         self, state: ArmState, reference: WorldReference, dt: float, base: BaseMotion | None = None
@@ -204,7 +208,7 @@ class WorldLaw:
             start = JointReference(state.q, state.dq, np.zeros(self._limits.n))
             path = brake(start, _BRAKE_SHARE * self._limits.acceleration_max)
             self._brake = path, self._time
-            self._integral = np.zeros(3)
+            self._forget()
             self.is_stopped, self.contact = True, _NO_FORCE
         path, begin = self._brake
         q, dq, ddq = path.evaluate(self._time - begin)
@@ -265,7 +269,9 @@ class WorldLaw:
         ddq, self.least_singular_value = resolve_within(
             self._inverse, task, wanted - drift, preferred, low, high
         )
-        return np.minimum(np.maximum(self.limited(q, dq, ddq, dt), low), high)
+        if self.limit is not None:
+            ddq = self.limit(q, dq, ddq, dt)
+        return np.minimum(np.maximum(ddq, low), high)
 
     def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array, Array]:
         """Return the base's acceleration (6,) at ddq = 0, and its decrease per ddq (6, n).

@@ -21,6 +21,7 @@ _ORIGIN = np.zeros(3)
 _PLACE_MAX = 1e4  # [m]; a target beyond this is in another unit
 _LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, bounds of a path's start
 _OFF_TIME = 0.3  # [s] for which the tool may be off its target before the arm stops
+_AT_REST = 1e-3  # [m/s]
 _LOOK = 0.1  # [s] between two checks whether the target is reachable
 _FIRST_STEP = 0.02  # [m] in which the tool must be able to move along a force
 _RESUME = 0.5  # [s] without a problem before the motion continues
@@ -76,6 +77,8 @@ class WorldPath:
             )
         if not all(np.all(np.isfinite(rows)) for rows in (t, p, slopes, curves)):
             raise RejectedInputError('tool path: a value is NaN or infinite; check its publisher')
+        if np.linalg.norm(slopes[-1]) > _AT_REST:
+            raise RejectedInputError('tool path: the velocity of the last point must be zero')
         if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
             raise RejectedInputError('tool path: times must increase and must not be negative')
         self._path = PolynomialPath.quintic(t - t[0], p, slopes, curves)
@@ -173,6 +176,8 @@ class WorldToolReference:
         self.reference: WorldReference | None = None
         self._off_since: float | None = None
         self._wrong_at = self._looked = -np.inf
+        # No target in the frame of an earlier odometry is left.
+        self.base.accept_next()
         self._jumps, self._place = self.base.jumps, _ORIGIN  # of the tool, in the world
         self.reason = 'control has just started'
         self.error = 0.0
@@ -293,8 +298,9 @@ class WorldToolReference:
         self._off_since = None
         if reference is not None:
             there = goal.at(now)
-            self._quick.start(reference.p - there.p, reference.dp - there.dp, _ORIGIN)
-            self._slow.start(_ORIGIN)
+            slow = self._slow  # an unfinished return stays slow
+            off, faster = reference.p - there.p - slow.place, reference.dp - there.dp
+            self._quick.start(off, faster - slow.velocity, _ORIGIN)
 
     # The reference.
 

@@ -61,13 +61,13 @@ class HoldingRecord(FlightRecord):
         return 1e3 * np.linalg.norm(self.tool_places - self.targets, axis=1)
 
     def figures(self) -> tuple[float, ...]:
-        """Return RMS and maximum of tool and drone error [mm], bound [mm], largest tilt [deg]."""
+        """Return RMS and maximum of tool and drone error, bound [mm], tilt and heading [deg]."""
         rows = self.times > SETTLING
         tool = self.tool_errors[rows]
         drone = 1e3 * np.linalg.norm(self.places, axis=1)[rows]
         rms = [float(np.sqrt((x**2).mean())) for x in (tool, drone)]
-        tilt = float(np.degrees(self.tilts[rows].max()))
-        return rms[0], float(tool.max()), rms[1], float(drone.max()), *self.bound, tilt
+        turns = (float(np.degrees(np.abs(x[rows]).max())) for x in (self.tilts, self.headings))
+        return rms[0], float(tool.max()), rms[1], float(drone.max()), *self.bound, *turns
 
     def with_bound(self, drone: DroneConfig) -> 'HoldingRecord':
         """Return this record with the physical bound of an arm under this moving drone."""
@@ -116,7 +116,7 @@ class HoldingBench(NodeBench):
         if case.law == HELD:
             self.start('computed_torque', law)
         else:
-            law.update(posture=list(POSTURE), mass_ratio_min=0.0)
+            law.update(posture=list(POSTURE), mass_ratio_min=0.0, **case.law_gains)
             odometry = ('--ros-args', '-r', 'odometry:=external_odometry', '--')
             self.start('world_control', law, odometry)
         world = {'seed': arm.seed, 'drone_file': file, **case.world}

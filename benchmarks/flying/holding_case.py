@@ -35,8 +35,9 @@ SENSORS: Mapping[str, object] = MappingProxyType(
 _INTEGRAL = {'position_integral': 0.1, 'attitude_integral': 0.1}
 # With an arm that holds its tool, a drone rotates more easily than with held joints, especially a
 # light drone. Its attitude loop therefore has lower gains, see docs/how-to/world.md.
-_PILOTS = {'heavy': (3.0, 6.0), 'light': (2.5, 5.0), 'full': (8.67, 9.0)}
-_LIGHT = 2.5  # [kg]
+# A stiff height keeps the tool in reach, because the arm reaches least along its own direction.
+_COPLANAR, _LIGHT, _FULL = (3.0, 6.0, 7.0), (2.5, 4.5, 8.0), (8.67, 8.67, 9.0)
+_LIGHTEST = 2.5  # [kg] below which a drone needs the gains of light drones
 
 
 @dataclass(frozen=True)
@@ -78,17 +79,22 @@ class HoldingCase:
         return scaled_drone(self.mass) if self.mass else load_drone(self.drone)
 
     @property
+    def is_light(self) -> bool:
+        """Whether drone and arm need the gains of light drones."""
+        return self.flown.mass < _LIGHTEST
+
+    @property
+    def law_gains(self) -> dict[str, object]:
+        """Gains of `world_control`, if other than the default ones."""
+        return {'kp': 144.0, 'kd': 24.0} if self.is_light else {}
+
+    @property
     def pilot(self) -> dict[str, object]:
         """Parameters of `flight_control`."""
         drone = self.flown
-        kind = 'full' if drone.is_fully_actuated else 'light' if drone.mass < _LIGHT else 'heavy'
-        position, attitude = _PILOTS[kind]
-        stiffness = {
-            'position_frequency': position,
-            'height_frequency': position,
-            'attitude_frequency': attitude,
-        }
-        return {**stiffness, **_INTEGRAL}
+        gains = _FULL if drone.is_fully_actuated else _LIGHT if self.is_light else _COPLANAR
+        names = 'position_frequency', 'height_frequency', 'attitude_frequency'
+        return {**dict(zip(names, gains, strict=True)), **_INTEGRAL}
 
     @property
     def world(self) -> dict[str, object]:

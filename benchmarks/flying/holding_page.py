@@ -19,7 +19,8 @@ PUSH_COLUMNS = (
 )  # fmt: skip
 COLUMNS = (
     'flight', 'tool RMS [mm]', 'largest', 'drone RMS [mm]', 'largest', 'target beyond reach [mm]',
-    'drone could still move [mm]', 'largest tilt [deg]', 'goal [mm]', 'status',
+    'drone could still move [mm]', 'largest tilt [deg]', 'largest heading [deg]', 'goal [mm]',
+    'status',
 )  # fmt: skip
 _REPLAYED, _REPLAYED_PUSH = 'tool at rest', 'push and slide, 1e3 N/m'
 

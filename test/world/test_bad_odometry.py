@@ -1,5 +1,7 @@
 """An odometry that ends, jumps or is wrong while the tool is held, in the physics engine."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from holding_flight import SETTLED, HeldFlight, HoldingFlight
@@ -62,3 +64,19 @@ def test_the_tool_follows_a_jump_of_the_odometry_slowly(flown: HoldingFlight) ->
     assert speed.max() < 0.2
     assert flown.pose.jumps == 1
     assert flown.tool() == pytest.approx(before - shift, abs=6e-3)
+
+
+def test_a_stream_of_targets_does_not_speed_up_the_return_after_a_jump(
+    flown: HoldingFlight,
+) -> None:
+    goal, shift = flown.source.goal, np.array([0.0, 0.06, 0.0])
+    flown.tell = lambda sample: [replace(sample, position=sample.position + shift)]
+    places = [flown.tool()]
+    for _ in range(100):
+        flown.source.go_to(goal, flown.now)
+        flown.run(0.01)
+        places.append(flown.tool())
+    speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.01
+    assert flown.pose.jumps == 1
+    assert speed.max() < 0.2
+    assert np.linalg.norm(flown.tool() - (places[0] - shift)) < 0.02

@@ -1,6 +1,7 @@
 """The base's pose with late, noisy, silent, frozen, repeated or jumping odometry."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -182,8 +183,56 @@ def test_one_wrong_sample_is_left_out() -> None:
     for _ in feed.run(CYCLE * 3):
         pass
     feed.change = lambda sample: [sample]
-    assert feed.errors(1.0).max() < 2e-3
+    errors = feed.errors(1.0)
+    assert len(errors) == round(1.0 / CYCLE), 'the pose stays usable'
+    assert errors.max() < 2e-3
     assert feed.estimator.jumps == 0
+
+
+def test_one_wrong_velocity_does_not_move_the_pose_away() -> None:
+    feed = Feed()
+    feed.settle()
+    feed.change = lambda sample: [replace(sample, velocity=sample.velocity + 3.0)]
+    for _ in feed.run(CYCLE * 3):
+        pass
+    feed.change = lambda sample: [sample]
+    errors = feed.errors(2.0)
+    assert len(errors) == round(2.0 / CYCLE)
+    assert errors.max() < 0.02
+    assert errors[-1] < 2e-3
+
+
+def test_the_pose_is_found_again_after_the_arms_clock_was_set_back() -> None:
+    feed = Feed()
+    feed.clock = 100.0
+    late = feed._late
+    feed.change = lambda sample: [replace(sample, stamp=sample.stamp + 100.0)]
+    feed.settle()
+    now = feed.now
+    feed.now -= 2.0
+    feed.clock += 2.0
+    feed._due -= 2.0
+    feed._late = late
+    feed.change = lambda sample: [replace(odometry(sample.stamp + 2.0), stamp=sample.stamp + 102.0)]
+    reached = [now for now in feed.run(1.0) if not feed.estimator.problem(now)]
+    assert reached and feed.now < now
+    assert np.abs(feed.estimator.pose(feed.now).rotation - FRAMES.base_rotation).max() < 1e-3
+
+
+def test_a_slow_imu_that_loses_samples_does_no_harm() -> None:
+    random = np.random.default_rng(0)
+    for _ in range(100):
+        estimator = BasePoseEstimator(FRAMES)
+        events = [(0.04 * k, 0.024, True) for k in range(40) if random.random() > 0.2]
+        events += [(0.02 * k, 0.077, False) for k in range(80) if random.random() > 0.2]
+        for stamp, late, is_imu in sorted(events, key=lambda event: event[0] + event[1]):
+            now = stamp + late + 0.005 * random.random()
+            if is_imu:
+                estimator.offer_imu(imu(stamp), now)
+            else:
+                with suppress(RejectedInputError):
+                    estimator.offer_odometry(odometry(stamp), now)
+        assert np.isfinite(estimator.pose(now).position).all()
 
 
 def test_a_large_jump_is_rejected_until_somebody_gives_a_target() -> None:

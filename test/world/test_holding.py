@@ -9,7 +9,7 @@ SECONDS = 7.0  # 4 s of them count, a period of the path
 ROWS = {
     'path': (HeldFlight(path=True), 3.0),
     'poor odometry': (HeldFlight(odometry=POOR), 5.0),
-    '1.5 kg': (HeldFlight(mass=1.5, gains=WorldGains(225.0, 30.0)), 4.0),
+    '1.5 kg': (HeldFlight(mass=1.5, gains=WorldGains(144.0, 24.0)), 4.0),
     'fully actuated': (HeldFlight(drone='drones/tilted_hexarotor.yaml'), 1.5),
     'links 10 % wrong': (HeldFlight(wrong=0.1), 3.75),
 }

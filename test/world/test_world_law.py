@@ -165,11 +165,15 @@ def test_a_limit_of_the_reaction_changes_the_acceleration_but_not_braking_at_a_l
     whole = law.ddq
     seen = []
 
-    def half(q: Array, dq: Array, ddq: Array, dt: float) -> Array:
-        seen.append(dt)
-        return 0.5 * ddq
+    class Half:
+        def __call__(self, q: Array, dq: Array, ddq: Array, dt: float) -> Array:
+            seen.append(dt)
+            return 0.5 * ddq
 
-    law.limited = half
+        def reset(self) -> None:
+            seen.clear()
+
+    law.limit = Half()
     law.update(state, target, 1e-3, free)
     assert seen == [1e-3]
     assert law.ddq == pytest.approx(0.5 * whole)
@@ -178,3 +182,5 @@ def test_a_limit_of_the_reaction_changes_the_acceleration_but_not_braking_at_a_l
     fast = ArmState(q, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(4))
     law.update(fast, target, 1e-3, free)
     assert law.ddq[3] < -30.0, 'it brakes at the position limit all the same'
+    law.update(state, target._replace(base=None), 1e-3, free)
+    assert seen == [], 'a stopped arm has no lasting reaction'

@@ -199,7 +199,7 @@ class ImuWatch:
         self._previous: ImuSample | None = None  # accepted or not
         self._changed = {'acceleration': -np.inf, 'angular velocity': -np.inf}
         self._turn_error = np.zeros(3)
-        self._has_turned = False
+        self._has_varied = False
         self.forget()
 
     def forget(self) -> None:
@@ -240,12 +240,12 @@ class ImuWatch:
         ):
             if np.any(now != before):
                 self._changed[what] = sample.stamp
+                self._has_varied = True
         what = min(self._changed, key=self._changed.__getitem__)
         since = sample.stamp - self._changed[what]
         # Before take-off, an emulated IMU without noise feels constant gravity.
-        self._has_turned |= bool(sample.angular_velocity.any())
         stands = abs(float(np.linalg.norm(sample.specific_force)) - 9.81) < _REST
-        if since > _FROZEN and (self._has_turned or not stands):
+        if since > _FROZEN and (self._has_varied or not stands):
             raise RejectedInputError(
                 f'IMU: its {what} is frozen, unchanged for {since:.1f} s; check the driver'
             )

@@ -32,7 +32,7 @@ _REACH_PERIOD = 0.2  # [s]
 _RECENT = 15  # last computed reaches, 3 s: under a swaying drone a warning would toggle
 _CONTACT_PERIOD_NS = 2_000_000
 _CONTACT_ENDS = 0.1  # [s] for which the end of a contact is published
-_POINTS_MAX = 2000
+_POINTS_MAX = 500  # the loop's thread processes them between two states
 _ANY = 0.1  # A shorter quaternion means that no orientation is requested.
 
 
@@ -73,7 +73,7 @@ class WorldTopics:
         self.frame = ''
         self.margin: ReachMargin | None = None
         self.recent: deque[ReachMargin] = deque(maxlen=_RECENT)
-        self._seen: tuple[Array, BasePose, Array, float] | None = None
+        self._seen: tuple[Array, BasePose, Array, Array, float] | None = None
         self._posed_ns = 0
         self._poses = controller.advertise(topics.TOOL_POSE)
         self._reaches = controller.advertise(topics.ARM_REACH)
@@ -86,9 +86,14 @@ class WorldTopics:
         if values.request_drone:
             if arm.drone is None:
                 raise ValueError('parameter request_drone needs the drone: set drone_file')
+            if not values.posture:
+                raise ValueError(
+                    'parameter request_drone needs the posture in the middle of the reach: set '
+                    'posture, with joint 4 far from 0'
+                )
             self._request = DroneRequest(
                 Kinematics(arm.robot, values.frame), arm.drone,
-                values.posture or arm.config.rest_position,
+                values.posture,
                 values.request_speed, values.request_deadband,
             )  # fmt: skip
             self._requests = controller.advertise(topics.FLIGHT_SET_POINT)
@@ -121,7 +126,10 @@ class WorldTopics:
                 'pose of one body (the tool)'
             )
         if message.header.frame_id not in ('', self.frame):
-            raise RejectedInputError(self._wrong_frame('tool motion', message.header.frame_id))
+            raise RejectedInputError(
+                f'tool motion rejected, because its frame is {message.header.frame_id!r}: send it '
+                f'in the frame of the odometry, {self.frame!r}'
+            )
         turn = points[-1].transforms[0].rotation
         path = WorldPath(
             [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points],
@@ -160,6 +168,7 @@ class WorldTopics:
             raise RejectedInputError(self._wrong_frame(what, frame))
         problem = self._reference.base.problem(now)
         if problem:
+            self._reference.base.accept_next()
             raise RejectedInputError(
                 f'{what} rejected, because the base pose in the world is unknown: {problem}'
             )
@@ -191,8 +200,9 @@ class WorldTopics:
         pose = self._reference.base.pose(now)
         transform = self._kinematics.transform(state.q)
         place = pose.to_world(transform[:3, 3])
-        goal = self._reference.goal
-        self._seen = np.array(state.q), pose, place if goal is None else goal, now
+        goal, reference = self._reference.goal, self._reference.reference
+        held = place if reference is None else reference.p
+        self._seen = np.array(state.q), pose, held, held if goal is None else goal, now
         header = base_header(stamp_ns, self.frame)
         self._poses.publish(pose_message(header, place, pose.rotation @ transform[:3, :3]))
 
@@ -247,8 +257,8 @@ class WorldTopics:
             self.margin = None
             self.recent.clear()
             return
-        q, pose, goal, now = seen
-        self.margin = margin = self._reach.margin(q, pose, goal)
+        q, pose, held, goal, now = seen
+        self.margin = margin = self._reach.margin(q, pose, held)
         self.recent.append(margin)
         data = [*margin.along.tolist(), margin.time]
         self._reaches.publish(Float64MultiArray(layout=self._layout, data=data))
