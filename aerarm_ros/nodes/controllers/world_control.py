@@ -26,6 +26,7 @@ from aerarm_ros.motion.signals import JointReference
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
     FRICTION_PARAMETERS,
+    PAYLOAD,
     REACHING_COMPENSATION,
     ROTOR_PARAMETERS,
     ControlledArm,
@@ -98,8 +99,8 @@ PARAMETERS = controller_parameters(
             'the controller estimates the weight, and wind lowers the estimate'
         ), '', 0.0, 1.0),
         Parameter('mass_ratio_min', _MASS_RATIO, (
-            'smallest ratio of the masses of drone and arm that the node accepts with base_motion '
-            'free; lighter drones need lower gains'
+            'smallest ratio of the mass of the drone to the mass of arm and payload that the node '
+            'accepts with base_motion free; lighter drones need lower gains'
         ), '', 0.0, 100.0),
     ),
     *grouped(
@@ -162,7 +163,7 @@ class WorldControlNode(ControllerNode):
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         kinematics = Kinematics(arm.robot, values.frame)
         if isinstance(self.base, FreeBaseEstimator):
-            _require_heavy_drone(arm, values.mass_ratio_min)
+            _require_heavy_drone(arm, sum(getattr(values, PAYLOAD)[:1]), values.mass_ratio_min)
             self.base.correction = AnswerCorrection(
                 values.correction_cutoff, values.accelerometer_bias, values.trust_min
             )
@@ -296,16 +297,18 @@ class WorldControlNode(ControllerNode):
         return values
 
 
-def _require_heavy_drone(arm: ControlledArm, least: float) -> None:
+def _require_heavy_drone(arm: ControlledArm, payload: float, least: float) -> None:
+    """Raise ValueError if the drone is too light for the arm with a payload [kg]."""
     assert arm.drone is not None
-    mass = float(arm.robot.inertial_parameters[:, 0].sum())
+    mass = float(arm.robot.inertial_parameters[:, 0].sum()) + payload
     ratio = arm.drone.mass / mass
     if ratio < least:
         raise ValueError(
-            f'drone_file: the drone is {ratio:.2f} times as heavy as the arm of {mass:.2f} kg; a '
-            'drone this light can become unstable while the arm holds its tool. Check both masses, '
-            'or choose gains for light drones (kp 144, kd 24, and those of the flight controller: '
-            f'docs/how-to/world.md) and set mass_ratio_min (now {least:g}) lower'
+            f'drone_file: the drone is {ratio:.2f} times as heavy as the arm with its payload '
+            f'({mass:.2f} kg); a drone this light can become unstable while the arm holds its '
+            'tool. Check these masses, or choose gains for light drones (kp 144, kd 24, and those of '
+            'the flight controller: docs/how-to/world.md) and set mass_ratio_min (now '
+            f'{least:g}) lower'
         )
 
 
