@@ -306,8 +306,8 @@ def _require_heavy_drone(arm: ControlledArm, payload: float, least: float) -> No
         raise ValueError(
             f'drone_file: the drone is {ratio:.2f} times as heavy as the arm with its payload '
             f'({mass:.2f} kg); a drone this light can become unstable while the arm holds its '
-            'tool. Check these masses, or choose gains for light drones (kp 144, kd 24, and those of '
-            'the flight controller: docs/how-to/world.md) and set mass_ratio_min (now '
+            'tool. Check these masses, or choose gains for light drones (kp 144, kd 24, and those '
+            'of the flight controller: docs/how-to/world.md) and set mass_ratio_min (now '
             f'{least:g}) lower'
         )
 
