@@ -351,9 +351,12 @@ class BasePoseEstimator:
         self._variance[2, 2] += step * _BIAS_DRIVE
 
     def _take(self, sample: OdometrySample, now: float) -> None:
-        if -1.0 < sample.stamp - self._stamp <= 0.0:
+        if sample.stamp == self._stamp:
+            self.rejections += 1  # a repeated sample is no fault
+            return
+        if -1.0 < sample.stamp - self._stamp < 0.0:
             raise RejectedInputError(
-                'a sample is not newer than the previous one: run only one publisher'
+                'a sample is older than the previous one: run only one publisher'
             )
         age = self._drone_time(now) - sample.stamp
         if not -0.01 < age < self._timeout:
@@ -361,6 +364,10 @@ class BasePoseEstimator:
                 f'a sample is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check the '
                 'delay and the clock of the publisher'
             )
+            if age < 0.0:
+                self._problem = (
+                    f'a sample is {-age:.2f} s in the future: check the clock of the publisher'
+                )
             if abs(age) > 5.0 * self._timeout:
                 self._problem = (
                     f'the clock of the publisher is {-age:+.2f} s off: synchronise the clocks of '

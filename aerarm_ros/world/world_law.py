@@ -200,7 +200,7 @@ class WorldLaw:
         self._brake, self.is_stopped = None, False
         self.contact = reference.base.rotation.T @ reference.contact
         self.ddq = self._wanted(state, reference, reference.base, motion, dt)
-        return self._command(state, self.ddq, motion)
+        return self._command(state, self.ddq, motion, state.dq)
 
     def _stay(self, state: ArmState, base: BaseMotion) -> JointCommand:
         """Return the effort (n,) [Nm] that brakes the arm and holds it in the base frame."""
@@ -214,13 +214,17 @@ class WorldLaw:
         q, dq, ddq = path.evaluate(self._time - begin)
         gains = self.gains
         self.ddq = ddq + gains.joint_kd * (dq - state.dq) + gains.joint_kp * (q - state.q)
-        return self._command(state, self.ddq, base)
+        # At rest, dry friction holds the joints; compensation would let them slip.
+        return self._command(state, self.ddq, base, dq)
 
-    def _command(self, state: ArmState, ddq: Array, base: BaseMotion) -> JointCommand:
+    def _command(
+        self, state: ArmState, ddq: Array, base: BaseMotion, sliding: Array
+    ) -> JointCommand:
+        """Return the effort for an acceleration, with the friction of the velocity `sliding`."""
         u = self._dynamics.inverse(state.q, state.dq, ddq, base)
         if self._friction is not None:
             load = u - self._dynamics.fixed.rotor_inertia * ddq
-            u = u + self._friction.torque(state.dq, load)
+            u = u + self._friction.torque(sliding, load)
         if self.contact.any():
             u = u - self.jacobian.T @ self.contact
         return JointCommand(tau=u)

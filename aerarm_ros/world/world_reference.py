@@ -78,7 +78,10 @@ class WorldPath:
         if not all(np.all(np.isfinite(rows)) for rows in (t, p, slopes, curves)):
             raise RejectedInputError('tool path: a value is NaN or infinite; check its publisher')
         if np.linalg.norm(slopes[-1]) > _AT_REST:
-            raise RejectedInputError('tool path: the velocity of the last point must be zero')
+            raise RejectedInputError(
+                f'tool path: the last point has velocity {np.linalg.norm(slopes[-1]):.2f} m/s '
+                'instead of zero'
+            )
         if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
             raise RejectedInputError('tool path: times must increase and must not be negative')
         self._path = PolynomialPath.quintic(t - t[0], p, slopes, curves)

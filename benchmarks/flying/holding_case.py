@@ -33,11 +33,11 @@ SENSORS: Mapping[str, object] = MappingProxyType(
     }
 )
 _INTEGRAL = {'position_integral': 0.1, 'attitude_integral': 0.1}
-# With an arm that holds its tool, a drone rotates more easily than with held joints, especially a
-# light drone. Its attitude loop therefore has lower gains, see docs/how-to/world.md.
+# With an arm that holds its tool, a drone rotates more easily than with held joints. These gains are
+# stable in both cases, see docs/how-to/world.md.
 # A stiff height keeps the tool in reach, because the arm reaches least along its own direction.
-_COPLANAR, _LIGHT, _FULL = (3.0, 6.0, 7.0), (2.5, 4.5, 8.0), (8.67, 8.67, 9.0)
-_LIGHTEST = 2.5  # [kg] below which a drone needs the gains of light drones
+_COPLANAR, _FULL = (2.5, 4.5, 8.0), (8.67, 8.67, 9.0)
+_LIGHTEST = 2.5  # [kg] below which the arm needs the gains for light drones
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class HoldingCase:
 
     @property
     def is_light(self) -> bool:
-        """Whether drone and arm need the gains of light drones."""
+        """Whether the arm needs the gains for light drones."""
         return self.flown.mass < _LIGHTEST
 
     @property
@@ -92,7 +92,7 @@ class HoldingCase:
     def pilot(self) -> dict[str, object]:
         """Parameters of `flight_control`."""
         drone = self.flown
-        gains = _FULL if drone.is_fully_actuated else _LIGHT if self.is_light else _COPLANAR
+        gains = _FULL if drone.is_fully_actuated else _COPLANAR
         names = 'position_frequency', 'height_frequency', 'attitude_frequency'
         return {**dict(zip(names, gains, strict=True)), **_INTEGRAL}
 

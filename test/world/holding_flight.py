@@ -58,9 +58,7 @@ LEAD, AHEAD = 0.028, 0.06  # [s] as in flight_control and base_reaction
 POSTURE = 0.0, 1.3, 0.0, 1.5
 SETTLED, BEGIN = 2.0, 3.0  # [s] of the target, and of the start of the evaluation
 GENERALISED, ORDINARY, HELD = 'generalised', 'ordinary', 'joints held'
-COPLANAR = FlightGains(3.0, 6.0, 7.0, position_integral=0.1, attitude_integral=0.1)
-# Under an arm that holds its tool, a light drone has less effective inertia.
-LIGHT = FlightGains(2.5, 4.5, 8.0, position_integral=0.1, attitude_integral=0.1)
+COPLANAR = FlightGains(2.5, 4.5, 8.0, position_integral=0.1, attitude_integral=0.1)
 FULL = FlightGains(8.67, 8.67, 9.0, position_integral=0.1, attitude_integral=0.1)
 GOOD = 100.0, 0.01, 1e-3, 5e-3
 POOR = 30.0, 0.03, 5e-3, 20e-3
@@ -145,8 +143,7 @@ class HoldingFlight:
         self._loads = ArmLoadModel(self.robot)
         composite = self._loads.dynamics.composite_inertia(np.array(POSTURE))
         body = MassProperties.of(drone, *composite)
-        gains = LIGHT if drone.mass < 2.5 else COPLANAR
-        self.pilot = FlightControl(drone, body, FULL if drone.is_fully_actuated else gains)
+        self.pilot = FlightControl(drone, body, FULL if drone.is_fully_actuated else COPLANAR)
         self._feed = ArmFeedForward(drone, body, lead=LEAD)
         self._sight = FlightEstimator(drone)
 
