@@ -30,9 +30,8 @@ _RATE_BIAS_MAX = 0.1  # [rad/s]
 # [rad] Attitude errors that count fully for the bias, and above which they count as a step.
 _RATE_BIAS_TURN, _RATE_BIAS_STEP = 0.03, 0.1
 _NOISE_SHARE = 2.0  # standard deviations of the odometry that the correction takes at any speed
-_LEVER = (
-    0.8  # [m] largest distance of the tool from the base, for the speed of attitude corrections
-)
+# [m] Largest distance of the tool from the base, for the speed of attitude corrections.
+_LEVER = 0.8
 _ATTITUDE_TIME = 0.5  # [s] in which the odometry's attitude corrects the gyroscope's drift
 _HISTORY = 200  # number of predicted poses: 0.8 s at 250 Hz
 _IMU_GAP = 0.05  # [s] without an IMU sample, after which the base is extrapolated
@@ -180,10 +179,8 @@ class BasePoseEstimator:
         self.jumps = self.rejections = 0
         self.noise = _NOISE.copy()
         self._rate_bias = np.zeros(3)
-        self._ages, self._aged = (
-            (np.inf, np.inf),
-            -np.inf,
-        )  # smallest ages of the IMU, and since when
+        # Smallest ages of the IMU in the earlier and in the present time, and its begin.
+        self._ages, self._aged = (np.inf, np.inf), -np.inf
         self._offset, self._is_other_clock = 0.0, False  # the arm's clock minus the drone's [s]
         self._forget()
 

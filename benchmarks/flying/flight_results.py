@@ -3,10 +3,15 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 from flying.flight_program import FlightProgram
 from flying.flight_record import FlightFigures, FlightRecord
 from flying.flight_way import load_drone
-from flying.tilt_limit import tilt_limit
+
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.arm_load import ArmLoadModel, MassProperties
+from aerarm_ros.motion.signals import JointReference
 
 COLUMNS = (
     'place RMS [mm]',
@@ -26,6 +31,7 @@ GOALS = {
     ('tilted_hexarotor', 'slow'): 4.0,
     ('tilted_hexarotor', 'fast'): 5.0,
 }
+_TILT_STEP = 0.02  # [s]
 _LINE = '{:17} {:24} {:17} {:>8} {:>7} {:>7} {:>6} {:>7} {:>8} {:>7} {:>7}'
 _HEADINGS = ('place mm', 'max', 'tilt deg', 'max', 'heading', 'tool mm', 'max', 'limit %')
 
@@ -97,3 +103,35 @@ class FlightResults:
                 row if limit is None else (*row, f'error caused by the tilt alone {limit:.1f} mm')
             )
         return rows
+
+
+def tilt_limit(
+    drone: DroneConfig, program: FlightProgram, urdf: Path | None = None
+) -> dict[str, float]:
+    """Return, for each part, the RMS body displacement [mm] at constant centre of mass.
+
+    Against a lateral force f such a drone tilts by f / (m g), and its body, at a height h above the
+    common centre of mass, moves by h f / (m g). A drone with lateral thrust needs no tilt.
+
+    Parameters
+    ----------
+    urdf : Path, optional
+        URDF of the arm, by default the nominal one.
+    """
+    if drone.is_fully_actuated:
+        return {}
+    loads = ArmLoadModel(load_robot(urdf, gravity_in_base=drone.gravity_in_base))
+
+    def off(motion: JointReference) -> float:
+        load = loads.evaluate(motion)
+        body = MassProperties.of(drone, load.mass, load.com, load.inertia)
+        sideways = (drone.mount.rotation @ load.motion[:3])[:2]
+        return float(body.centre[2] * np.linalg.norm(sideways) / (body.mass * GRAVITY))
+
+    found = {}
+    for part, (begin, end) in program.windows.items():
+        if begin >= 0.0:
+            rows = zip(*program.motion.evaluate(np.arange(begin, end, _TILT_STEP)), strict=True)
+            values = np.array([off(JointReference(*row)) for row in rows])
+            found[part] = 1e3 * float(np.sqrt((values**2).mean()))
+    return found

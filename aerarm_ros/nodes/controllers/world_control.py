@@ -54,9 +54,8 @@ _SOON = 3.0  # [s] before the tool leaves the arm's reach, for a warning
 _NEAR = 0.02  # [m]
 _FRICTION_ERROR = 0.5  # expected error of a joint's dry friction, relative to the friction
 _RECOVERY = 5.0, 0.5  # [rad/s], [m/s^2] of the slow approach after a stop
-_MASS_RATIO = (
-    1.6  # drones of 1.3 times the arm's mass crashed with the default gains, of 1.7 did not
-)
+# With the default gains, drones of 1.3 times the arm's mass crashed, those of 1.7 times did not.
+_MASS_RATIO = 1.6
 
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
