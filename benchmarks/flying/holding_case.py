@@ -33,9 +33,9 @@ SENSORS: Mapping[str, object] = MappingProxyType(
     }
 )
 _INTEGRAL = {'position_integral': 0.1, 'attitude_integral': 0.1}
-# With an arm that holds its tool, a drone rotates more easily than with held joints. These gains are
-# stable in both cases, see docs/how-to/world.md.
-# A stiff height keeps the tool in reach, because the arm reaches least along its own direction.
+# With an arm that holds its tool, a drone rotates more easily than with held joints. These gains
+# are stable in both cases, see docs/how-to/world.md. A stiff height keeps the tool in reach,
+# because the arm reaches least along its own direction.
 _COPLANAR, _FULL = (2.5, 4.5, 8.0), (8.67, 8.67, 9.0)
 _LIGHTEST = 2.5  # [kg] below which the arm needs the gains for light drones
 
