@@ -51,7 +51,8 @@ PARAMETERS = ParameterTable(
     *DRONE_PARAMETERS,
 )
 
-_FAULT_TIME = 1.0  # [s] simulation time until a fault has an effect
+# [s] simulation time in which a fault has an effect, and in which sensors publish a reset pose
+_EFFECT_TIME = 1.0
 _NO_DRONE = 'the parameters contact_force and wall need a flying drone: set drone_file'
 _WALL_LINK = 'tool0'
 
@@ -281,7 +282,7 @@ class EmulatedArm(World):
     def _grasp(self, cycle: BridgeCycle) -> Answer:
         """Attach the payload of the parameter `payload` to the simulated arm."""
         self.boards.plant.grasp(self._made(self.bridge.values.payload))
-        self._keep_awake(_FAULT_TIME)
+        self._keep_awake(_EFFECT_TIME)
         return Answer(True, '')
 
     def _turn(self, cycle: BridgeCycle) -> Answer:
@@ -326,7 +327,7 @@ class EmulatedArm(World):
         if not fault:
             return Answer(False, f'the parameter fault is empty: set it to {FORM} first')
         FaultRequest.parse(fault, len(boards.boards)).apply(boards)
-        self._keep_awake(_FAULT_TIME)
+        self._keep_awake(_EFFECT_TIME)
         return Answer(True, f'{fault}: {FAULTS[fault.partition(":")[0].strip()].meaning}')
 
     def _put_back(self, cycle: BridgeCycle) -> Answer:
@@ -336,6 +337,7 @@ class EmulatedArm(World):
         boards.put_back()
         if self._flying is not None:
             self._flying.restart()
+            self._keep_awake(_EFFECT_TIME)
         return Answer(
             True,
             'the simulated arm was reset to its initial configuration; the simulation supports the '

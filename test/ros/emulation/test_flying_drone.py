@@ -146,7 +146,7 @@ def test_the_drone_hovers_with_its_controller_and_falls_without(bench: DroneBenc
     assert answer_of(bench.node, lambda: put_back.call_async(Trigger.Request()), LIMIT).success
     spin_until(bench.node, lambda: False, 0.2)  # what was under way
     bench.path.clear()
-    spin_until(bench.node, lambda: len(bench.path) > 50, LIMIT)
+    assert spin_until(bench.node, lambda: len(bench.path) > 50, 10.0)
     assert all(abs(place[2]) < 0.01 for _, place in bench.path), 'the old pose is not published'
 
 
