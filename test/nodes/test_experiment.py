@@ -19,7 +19,6 @@ from aerarm_ros.experiment.experiment_bench import (
     ExperimentBench,
     ExperimentCase,
     ExperimentRun,
-    all_cases,
     run_all,
 )
 from aerarm_ros.identification.files.identified_robot import LoadFriction, identified_urdf
@@ -110,10 +109,10 @@ def test_the_imu_makes_up_for_a_moving_base(exact, still) -> None:
 def test_a_joint_held_on_a_moving_base_is_no_stuck_encoder(nominal) -> None:
     """The joint's torque follows the base while its angle stays within one count."""
     zero = np.zeros((4, 1))
-    posture = FourierTrajectory(0.35, np.array([0.3, 0.4, 0.2, -0.5]), zero, zero)
+    posture = FourierTrajectory(0.6, np.array([0.3, 0.4, 0.2, -0.5]), zero, zero)
     bench = make_bench(nominal.perturbed(7), RampedExcitation(posture, 1, 0.5))
     run = bench.run(ExperimentCase(HOST, TRUE, True, MOVING, True))
-    held = run.time > 2.0
+    held = run.time > 1.0
     assert np.ptp(run.q[held], axis=0).max() < 3e-3
     assert np.ptp(run.effort[held], axis=0).max() > 2.0
 
@@ -127,11 +126,6 @@ def test_a_run_is_the_same_every_time_in_every_process(nominal, motion, monkeypa
     (here,), (there,) = (run_all(bench, [case], workers) for workers in (1, 2))
     assert there.case == case
     np.testing.assert_array_equal(here.q, there.q)
-
-
-def test_every_case_has_a_name_of_its_own() -> None:
-    names = [case.name for case in all_cases()]
-    assert len(set(names)) == len(names)
 
 
 def test_writes_table_and_page(tmp_path, capsys, monkeypatch) -> None:

@@ -49,15 +49,6 @@ def test_a_push_is_found_and_described(
     assert 'other.csv is empty' in html
 
 
-def test_the_arm_at_rest_and_its_payload_are_no_contact(
-    loaded: CarryingRun, bound: ResidualBound
-) -> None:
-    found = detector(loaded, bound)
-    found.carry(loaded.payload)
-    bag = search(recording(loaded, 2.5, 7.5), found, ContactLocator(loaded.robot()))
-    assert bag.events == []
-
-
 def test_frozen_torque_at_the_end_leaves_the_events_before_it(
     free: CarryingRun, bound: ResidualBound, pushed: Recording
 ) -> None:
@@ -74,7 +65,7 @@ def test_one_bad_bag_does_not_lose_the_others(
     free: CarryingRun, pushed: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     good = write_table(tmp_path / 'pushed.csv', pushed)
-    bare = write_table(tmp_path / 'free.csv', recording(free, 0.7, 9.0))
+    bare = write_table(tmp_path / 'free.csv', recording(free, 0.7, 7.5))
     config = load_arm_config()
     assert config.joint_names == pushed.joint_names
     (tmp_path / 'empty.csv').write_text('')

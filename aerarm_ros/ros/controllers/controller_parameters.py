@@ -259,7 +259,7 @@ class ControlledArm:
         if values.friction_file:
             # Imported here, because most controllers do not need the identifier's libraries.
             from aerarm_ros.identification.files.estimate_file import read_estimate
-            from aerarm_ros.online.friction_trend import JointFriction
+            from aerarm_ros.online.joint_friction import JointFriction
             from aerarm_ros.online.replay import KnownArm
 
             estimate = read_estimate(Path(values.friction_file), self.robot)

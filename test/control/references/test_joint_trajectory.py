@@ -12,13 +12,6 @@ MIDDLE = [0.2, 1.3, 0.1, -0.2]
 END = [0.3, 1.2, -0.3, 0.4]
 
 
-def test_columns_follow_the_names(limits) -> None:
-    shuffled = ['joint3', 'joint1', 'joint4', 'joint2']
-    rows = [[row[NAMES.index(name)] for name in shuffled] for row in (START, END)]
-    trajectory = JointTrajectory(limits, shuffled, [0.0, 1.0], rows)
-    np.testing.assert_array_equal(trajectory.q, [START, END])
-
-
 @pytest.mark.parametrize('interpolation', ['cubic', 'quintic'])
 def test_path_passes_the_points_and_rests_at_the_end(limits, interpolation) -> None:
     trajectory = JointTrajectory(limits, NAMES, [0.0, 1.0, 2.0], [START, MIDDLE, END])
@@ -28,13 +21,6 @@ def test_path_passes_the_points_and_rests_at_the_end(limits, interpolation) -> N
     assert np.abs(path.evaluate(2.0 - 1e-9).dq).max() < 1e-6
     # Under way it doesn't stop.
     assert np.abs(path.evaluate(1.0).dq).min() > 0.05
-
-
-def test_given_velocities_are_kept(limits) -> None:
-    velocities = [[0.0] * 4, [0.3, -0.1, 0.2, 0.1], [0.0] * 4]
-    trajectory = JointTrajectory(limits, NAMES, [0.0, 1.0, 2.0], [START, MIDDLE, END], velocities)
-    path = trajectory.path(np.array(START), 'cubic')
-    np.testing.assert_allclose(path.evaluate(1.0).dq, velocities[1], atol=1e-12)
 
 
 def test_a_first_point_in_the_future_is_reached_from_the_present(limits) -> None:
@@ -73,11 +59,6 @@ def test_too_large_an_acceleration_is_rejected(limits) -> None:
     hurried = JointTrajectory(limits, NAMES, [0.4], [[0.0, 1.0, 0.0, 0.0]])
     with pytest.raises(RejectedInputError, match=r'between its points: joint2 needs .* rad/s\^2'):
         hurried.path(np.array(START), 'quintic')
-
-
-def test_too_fast_a_velocity_is_rejected(limits) -> None:
-    with pytest.raises(RejectedInputError, match='joint1 needs 9 rad/s'):
-        JointTrajectory(limits, NAMES, [0.0], [START], [[9.0, 0.0, 0.0, 0.0]])
 
 
 @pytest.mark.parametrize(

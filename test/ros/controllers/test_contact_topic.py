@@ -1,12 +1,10 @@
 """base_reaction publishes contact on the drone, or the reason why it does not."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-import rclpy
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
@@ -80,21 +78,6 @@ class HoveringDrone:
         return self.wrenches[-1].wrench.force.z if self.wrenches else np.nan
 
 
-@pytest.fixture
-def make(ros_domain: dict[str, str]) -> Iterator[Callable[..., BaseReactionNode]]:
-    with ExitStack() as stack:
-
-        def make(**parameters: object) -> BaseReactionNode:
-            given = [word for name, x in parameters.items() for word in ('-p', f'{name}:={x}')]
-            rclpy.init(args=['--ros-args', *given])
-            stack.callback(rclpy.shutdown)
-            node = BaseReactionNode()
-            stack.callback(node.close)
-            return node
-
-        yield make
-
-
 def service(node: BaseReactionNode, name: str) -> Trigger.Response:
     client = node.node.create_client(Trigger, f'base_reaction/{name}')
     future = client.call_async(Trigger.Request())
@@ -102,8 +85,10 @@ def service(node: BaseReactionNode, name: str) -> Trigger.Response:
     return future.result()
 
 
-def test_a_push_is_published_and_missing_inputs_are_named(make) -> None:
-    node = make(drone_file=str(resource('config', 'drone.yaml')), contact_bandwidth=5.0)
+def test_a_push_is_published_and_missing_inputs_are_named(make_node) -> None:
+    node = make_node(
+        BaseReactionNode, drone_file=str(resource('config', 'drone.yaml')), contact_bandwidth=5.0
+    )
     drone = HoveringDrone(node)
     assert node.describe()['contact'] == 'no joint states yet'
     drone.until(lambda: node.state is not None, speaks=False)
@@ -145,8 +130,8 @@ def test_a_push_is_published_and_missing_inputs_are_named(make) -> None:
     assert node.warning().startswith('contact_wrench: no good odometry for')
 
 
-def test_without_drone_file_no_wrench_is_published(make) -> None:
-    node = make()
+def test_without_drone_file_no_wrench_is_published(make_node) -> None:
+    node = make_node(BaseReactionNode)
     drone = HoveringDrone(node)
     for _ in range(50):
         drone.step()
@@ -156,9 +141,9 @@ def test_without_drone_file_no_wrench_is_published(make) -> None:
 
 
 def test_nothing_is_published_before_the_joints_are_homed(
-    make, monkeypatch: pytest.MonkeyPatch
+    make_node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    node = make(drone_file=str(resource('config', 'drone.yaml')))
+    node = make_node(BaseReactionNode, drone_file=str(resource('config', 'drone.yaml')))
     published: list[object] = []
     monkeypatch.setattr(node.answers, 'publish', lambda _, message: published.append(message))
     still = np.zeros(4)
