@@ -1,10 +1,9 @@
 """Arm and carrier as one body: against the physics engine, finite differences and identities."""
 
-from xml.etree import ElementTree
-
 import mujoco
 import numpy as np
 import pytest
+from flying_arm import FlyingArm
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.description.robot import Robot
@@ -19,49 +18,16 @@ SPREAD = np.diag([*(0.5 * np.trace(TENSOR) - np.diag(TENSOR)), 0.0])
 CARRIER = from_pseudo_inertia(MASS * np.outer(POINT, POINT) + SPREAD)
 
 
-class Engine:
-    """The arm in the physics engine, its base_link part of a free body."""
-
-    def __init__(self, robot: Robot) -> None:
-        root = ElementTree.fromstring(robot.urdf_text)
-        for link in root.findall('link'):
-            for shape in [*link.findall('visual'), *link.findall('collision')]:
-                link.remove(shape)
-        arm = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding='unicode'))
-        spec = mujoco.MjSpec()
-        spec.option.gravity = GRAVITY
-        body = spec.worldbody.add_body(
-            name='body', mass=MASS, ipos=CENTRE, inertia=np.diag(TENSOR).tolist()
-        )
-        body.add_freejoint()
-        body.add_frame().attach_body(arm.worldbody.first_body(), 'arm_', '')
-        self.model = spec.compile()
-        self.model.dof_armature[6:] = ROTORS
-        self.model.dof_damping[:] = 0.0
-        self.model.dof_frictionloss[:] = 0.0
-        disabled = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
-        self.model.opt.disableflags |= int(disabled)
-        self.data = mujoco.MjData(self.model)
-
-    def place(self, attitude: Rotation, q: np.ndarray, twist: np.ndarray, dq: np.ndarray) -> None:
-        """Set pose and velocities; the twist is along the body's axes."""
-        data = self.data
-        data.qpos[:3] = [0.4, -0.2, 1.0]
-        data.qpos[3:7] = attitude.as_quat()[[3, 0, 1, 2]]
-        data.qpos[7:] = q
-        data.qvel[:] = np.concatenate([attitude.apply(twist[:3]), twist[3:], dq])
-        mujoco.mj_forward(self.model, data)
-
-    def in_body_axes(self, attitude: Rotation) -> np.ndarray:
-        """Return what turns the engine's coordinates, linear ones along the world, to ours."""
-        turn = np.eye(10)
-        turn[:3, :3] = attitude.as_matrix().T
-        return turn
+def in_body_axes(attitude: Rotation) -> np.ndarray:
+    """Return what turns the engine's coordinates, linear ones along the world, to ours."""
+    turn = np.eye(10)
+    turn[:3, :3] = attitude.as_matrix().T
+    return turn
 
 
 @pytest.fixture(scope='module')
-def engine(arm: Robot) -> Engine:
-    return Engine(arm)
+def engine(arm: Robot) -> FlyingArm:
+    return FlyingArm(arm, ROTORS, mass=MASS, centre=CENTRE, inertia=np.diag(TENSOR))
 
 
 @pytest.fixture
@@ -80,7 +46,7 @@ def test_the_inertia_matrix_is_the_engines(whole, engine, samples) -> None:
         engine.place(attitude, x[12:16], x[:6], x[16:20])
         theirs = np.zeros((10, 10))
         mujoco.mj_fullM(engine.model, engine.data, theirs)
-        turn = engine.in_body_axes(attitude)
+        turn = in_body_axes(attitude)
         np.testing.assert_allclose(
             whole.inertia_matrix(x[12:16]), turn @ theirs @ turn.T, atol=1e-10
         )
@@ -93,7 +59,7 @@ def test_forces_are_the_engines_inverse_dynamics(whole, engine, samples) -> None
         linear = attitude.apply(acceleration[:3])
         engine.data.qacc[:] = np.concatenate([linear, acceleration[3:], ddq])
         mujoco.mj_inverse(engine.model, engine.data)
-        theirs = engine.in_body_axes(attitude) @ engine.data.qfrc_inverse
+        theirs = in_body_axes(attitude) @ engine.data.qfrc_inverse
         felt = np.append(attitude.inv().apply(linear - GRAVITY), acceleration[3:])
         ours = whole.forces(q, dq, ddq, twist[3:], felt)
         np.testing.assert_allclose(ours, theirs, atol=1e-9)

@@ -32,9 +32,9 @@ UPRIGHT = np.array([0.0, np.pi / 2, 0.0, 0.0])
 
 @pytest.fixture(scope='module', autouse=True)
 def short_rest() -> Iterator[None]:
-    """Let the arm rest for 0.3 s before and after a motion."""
+    """Let the arm rest for 0.1 s before and after a motion."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(experiment_bench, 'SETTLE', 0.3)
+        patch.setattr(experiment_bench, 'SETTLE', 0.1)
         yield
 
 
@@ -128,17 +128,9 @@ def test_a_run_is_the_same_every_time_in_every_process(nominal, motion, monkeypa
     np.testing.assert_array_equal(here.q, there.q)
 
 
-def test_writes_table_and_page(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr(experiment, 'FUNDAMENTAL', 0.4)  # not to wait for 10 s
-    runs: list[ExperimentRun] = []
-    run = ExperimentBench.run
-
-    def run_once(bench: ExperimentBench, case: ExperimentCase) -> ExperimentRun:
-        runs[:] = runs or [run(bench, case)]
-        return runs[0]
-
-    monkeypatch.setattr(ExperimentBench, 'run', run_once)
-    only, file = 'computed torque, host; true; still', tmp_path / 'controllers.html'
+def test_writes_table_and_page(still, tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(ExperimentBench, 'run', lambda bench, case: still)
+    only, file = still.case.name, tmp_path / 'controllers.html'
     arguments = ['--only', only, '--amplitude', '0.05', '--out', str(tmp_path)]
     assert experiment.main(arguments) == 0
     assert only in capsys.readouterr().out

@@ -27,7 +27,7 @@ def free(made_once: Callable[[str, Callable[[Path], None]], Path]) -> CarryingRu
     """Return another motion of that arm, without a payload."""
 
     def fill(folder: Path) -> None:
-        CarryingRun.record(-5, pick_up=90.0, put_down=91.0, end=7.5).save(folder / 'run.npy')
+        CarryingRun.record(-5, pick_up=90.0, put_down=91.0, end=9.0).save(folder / 'run.npy')
 
     return CarryingRun.load(made_once('free_run', fill) / 'run.npy', -5)
 
@@ -45,4 +45,4 @@ def loaded(made_once: Callable[[str, Callable[[Path], None]], Path]) -> Carrying
 @pytest.fixture(scope='session')
 def bound(free: CarryingRun) -> ResidualBound:
     """Return thresholds that are learnt from the free motion."""
-    return learnt(free, recording(free, 0.7, 7.5))
+    return learnt(free, recording(free, 0.7, 9.0))

@@ -65,7 +65,7 @@ def test_one_bad_bag_does_not_lose_the_others(
     free: CarryingRun, pushed: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     good = write_table(tmp_path / 'pushed.csv', pushed)
-    bare = write_table(tmp_path / 'free.csv', recording(free, 0.7, 7.5))
+    bare = write_table(tmp_path / 'free.csv', recording(free, 0.7, 9.0))
     config = load_arm_config()
     assert config.joint_names == pushed.joint_names
     (tmp_path / 'empty.csv').write_text('')

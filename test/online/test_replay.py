@@ -78,7 +78,7 @@ def test_terms_that_are_not_followed_are_taken_off_the_torque(arm: KnownArm) -> 
 
 
 def test_a_push_is_no_payload(free: CarryingRun, arm: KnownArm) -> None:
-    bag = recording(free, 0.7, 7.5)
+    bag = recording(free, 0.7, 9.0)
     pushed = (bag.time > 4.0) & (bag.time < 5.3)
     tau = bag.tau.copy()
     tau[pushed, 3] += 0.4

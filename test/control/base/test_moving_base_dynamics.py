@@ -31,7 +31,7 @@ def test_torques_match_the_physics_engine_on_a_moving_base(dynamics, make_flying
         attitude = Rotation.random(random_state=random)
         twist, acceleration = random.normal(scale=3.0, size=(2, 6))
         joints = random.normal(scale=2.0, size=(3, 4))
-        engine = flying.inverse(attitude.as_quat()[[3, 0, 1, 2]], twist, acceleration, joints)
+        engine = flying.inverse(attitude, twist, acceleration, joints)
         to_base = attitude.inv()
         base = BaseMotion(
             to_base.apply(GRAVITY),
@@ -59,7 +59,7 @@ def test_torques_match_the_physics_engine_on_a_base_that_answers(carried, make_f
     """The engine computes the wrench that moves the base; the model receives only the wrench."""
     flying = make_flying_arm()
     for attitude, twist, acceleration, joints in samples(4):
-        engine = flying.inverse(attitude.as_quat()[[3, 0, 1, 2]], twist, acceleration, joints)
+        engine = flying.inverse(attitude, twist, acceleration, joints)
         wrench = np.array(flying.data.qfrc_inverse[:6])
         wrench[:3] = attitude.inv().apply(wrench[:3])
         base = BaseMotion(np.zeros(3), np.zeros(3), twist[3:], np.zeros(3))
@@ -140,7 +140,7 @@ def test_agrees_with_the_force_in_the_mount_of_a_flying_arm(robot, make_flying_a
         attitude = Rotation.random(random_state=random)
         twist, acceleration = random.normal(scale=2.0, size=(2, 6))
         joints = random.normal(scale=2.0, size=(3, 4))
-        flying.inverse(attitude.as_quat()[[3, 0, 1, 2]], twist, acceleration, joints)
+        flying.inverse(attitude, twist, acceleration, joints)
         to_mount = (attitude * turn).inv()
         lever = np.array([0.05, -0.02, -0.1])
         rate, spin = twist[3:], acceleration[3:]

@@ -12,10 +12,9 @@ MIDDLE = [0.2, 1.3, 0.1, -0.2]
 END = [0.3, 1.2, -0.3, 0.4]
 
 
-@pytest.mark.parametrize('interpolation', ['cubic', 'quintic'])
-def test_path_passes_the_points_and_rests_at_the_end(limits, interpolation) -> None:
+def test_path_passes_the_points_and_rests_at_the_end(limits) -> None:
     trajectory = JointTrajectory(limits, NAMES, [0.0, 1.0, 2.0], [START, MIDDLE, END])
-    path = trajectory.path(np.array(START), interpolation)
+    path = trajectory.path(np.array(START))
     np.testing.assert_allclose(path.evaluate(1.0).q, MIDDLE)
     np.testing.assert_allclose(path.evaluate(2.0 - 1e-9).q, END, atol=1e-8)
     assert np.abs(path.evaluate(2.0 - 1e-9).dq).max() < 1e-6
@@ -25,7 +24,7 @@ def test_path_passes_the_points_and_rests_at_the_end(limits, interpolation) -> N
 
 def test_a_first_point_in_the_future_is_reached_from_the_present(limits) -> None:
     here = np.array([0.1, 1.6, 0.1, 0.1])
-    path = JointTrajectory(limits, NAMES, [1.0], [END]).path(here, 'quintic')
+    path = JointTrajectory(limits, NAMES, [1.0], [END]).path(here)
     np.testing.assert_allclose(path.evaluate(0.0).q, here)
     np.testing.assert_allclose(path.evaluate(1.0).q, END)
 
@@ -58,7 +57,7 @@ def test_too_large_an_acceleration_is_rejected(limits) -> None:
     # Slow enough on average, but reached from rest too soon.
     hurried = JointTrajectory(limits, NAMES, [0.4], [[0.0, 1.0, 0.0, 0.0]])
     with pytest.raises(RejectedInputError, match=r'between its points: joint2 needs .* rad/s\^2'):
-        hurried.path(np.array(START), 'quintic')
+        hurried.path(np.array(START))
 
 
 @pytest.mark.parametrize(
@@ -80,11 +79,11 @@ def test_a_motion_outside_the_limits_is_rejected(
 ) -> None:
     trajectory = JointTrajectory(limits, NAMES, times, positions, velocities)
     with pytest.raises(RejectedInputError, match=message):
-        trajectory.path(np.array(START), 'quintic')
+        trajectory.path(np.array(START))
 
 
 def test_an_arm_beyond_its_limits_may_come_back(limits) -> None:
     beyond = np.array([0.0, limits.position_min[1] - 0.03, 0.0, 0.0])
-    path = JointTrajectory(limits, NAMES, [2.0], [START]).path(beyond, 'quintic')
+    path = JointTrajectory(limits, NAMES, [2.0], [START]).path(beyond)
     np.testing.assert_allclose(path.evaluate(0.0).q, beyond)
     np.testing.assert_allclose(path.evaluate(2.0).q, START)

@@ -62,7 +62,7 @@ def test_executes_a_trajectory_in_time_and_holds(follower, limits) -> None:
 @pytest.mark.parametrize('delay', [0.3, -0.2])
 def test_a_trajectory_starts_at_its_stamp(follower, limits, delay) -> None:
     slow = JointTrajectory(limits, NAMES, [0.0, 2.0], [HOME, AWAY])
-    expected = slow.path(HOME, 'quintic')
+    expected = slow.path(HOME)
     follower.follow(slow, 0.0, start=delay)
     rows = play(follower, 2.5)
     assert_continuous(rows, limits)
