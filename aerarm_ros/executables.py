@@ -44,7 +44,7 @@ _TASKS = frozenset(
 # program, which needs neither ROS nor the libraries of the node.
 _OFFLINE = {
     'contact_estimator': (('--bag', '--free'), 'aerarm_ros.ros.programs.contact_replay'),
-    'payload_estimator': (('--bag', '--trend'), 'aerarm_ros.ros.programs.payload_replay'),
+    'payload_estimator': (('--bag',), 'aerarm_ros.ros.programs.payload_replay'),
 }
 _HELP = ('-h', '--help')
 _COMPLETING = '_ARGCOMPLETE'  # environment variable that a shell sets to request completions

@@ -7,8 +7,10 @@ import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from importlib.metadata import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -135,3 +137,19 @@ def ros_node(ros_domain: dict[str, str]) -> Iterator[Node]:
     with ExitLimit(1):  # A worker that Fast DDS blocks for ever would block the whole run.
         node.destroy_node()
         rclpy.shutdown()
+
+
+@pytest.fixture
+def make_node(ros_domain: dict[str, str]) -> Iterator[Callable[..., Any]]:
+    """Return a function that makes a node of a class with parameters, in this process."""
+    with ExitStack() as stack:
+
+        def make(kind: Callable[[], Any], **parameters: object) -> Any:
+            given = [word for name, x in parameters.items() for word in ('-p', f'{name}:={x}')]
+            rclpy.init(args=['--ros-args', *given])
+            stack.callback(rclpy.try_shutdown)
+            node = kind()
+            stack.callback(node.close)
+            return node
+
+        yield make

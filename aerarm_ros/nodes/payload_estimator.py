@@ -5,15 +5,13 @@ estimated friction on `joint_friction`, both at 50 Hz. The estimate does not inc
 `payload.inertial_parameters`. The arm must start without any other payload, and move for one
 second before the first estimate.
 
-With --bag DIR the program estimates the payload from recordings (--bag DIR --help lists the
-options). With --trend FILE the program prints how the friction in that `friction_file` has
-changed. Both options need no running ROS.
+With --bag DIR the program estimates the payload from recordings, without ROS (--bag DIR --help
+lists the options).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 
@@ -23,14 +21,8 @@ from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_estimator import FRICTION_NAMES, OnlineEstimate, PayloadEstimator
 from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, load_share
-from aerarm_ros.ros.controllers.friction_log import (
-    ESTIMATOR_PARAMETERS,
-    FRICTION_LOG_PARAMETERS,
-    FrictionLog,
-    estimator_settings,
-)
+from aerarm_ros.ros.controllers.payload_parameters import ESTIMATOR_PARAMETERS, estimator_settings
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
-from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.messages import inertia_message
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.state_stream import base_header
@@ -39,11 +31,8 @@ NAME = 'payload_estimator'
 
 # [s] after the motors have started to hold the arm; a person who carried it may still touch it.
 _RELEASE_TIME = 1.0
-_WRITE_PERIOD = 5.0  # [s] between two writes of the friction file
 
-PARAMETERS = state_node_parameters(
-    *ESTIMATOR_PARAMETERS, *FRICTION_LOG_PARAMETERS, *ENERGY_PARAMETERS
-)
+PARAMETERS = state_node_parameters(*ESTIMATOR_PARAMETERS, *ENERGY_PARAMETERS)
 
 
 class PayloadEstimatorNode(StateNode):
@@ -72,7 +61,6 @@ class PayloadEstimatorNode(StateNode):
             load_share(values, self.arm.robot),
             estimator_settings(values),
         )
-        self._log = self._friction_log()
         self._mode = ''
         self._held_since: float | None = None
 
@@ -87,8 +75,6 @@ class PayloadEstimatorNode(StateNode):
                 MultiArrayDimension(label='joint: ' + ' '.join(names), size=n, stride=n),
             ]
         )
-        if self._log is not None:
-            create_steady_timer(self.node, _WRITE_PERIOD, self._log.write)
         self.listen(topics.ARM_MODE, self._on_mode)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
@@ -100,24 +86,15 @@ class PayloadEstimatorNode(StateNode):
         estimate = self._estimator.update(state, now, self.base.motion(now))
         if estimate is not None:
             self._send(stamp_ns, estimate)
-            if self._log is not None:
-                self._log.offer(estimate)
             self.count_answer()
-
-    def leave(self) -> None:
-        """Write the last friction estimate to the friction file."""
-        if self._log is not None:
-            self._log.finish()
 
     def warning(self) -> str:
         """Return why the payload cannot be estimated, or an empty string."""
-        unwritten = self._log.problem if self._log is not None else ''
-        return super().warning() or self._estimator.problem or unwritten
+        return super().warning() or self._estimator.problem
 
     def describe(self) -> dict[str, object]:
         """Return the last valid estimate of payload and friction, for /diagnostics."""
         report = {**super().describe(), 'detected changes': self._estimator.changes}
-        report |= self._log.describe() if self._log is not None else {}
         estimate = self._estimator.estimate
         if estimate is None:
             return {**report, 'carries': 'not yet identified'}
@@ -135,13 +112,6 @@ class PayloadEstimatorNode(StateNode):
         spread = zip(FRICTION_NAMES, estimate.friction_std, strict=True)
         report |= {f'standard deviations of {name}': row.round(4).tolist() for name, row in spread}
         return {**report, 'unexplained torque [Nm]': estimate.residual.round(4).tolist()}
-
-    def _friction_log(self) -> FrictionLog | None:
-        values, robot = self.values, self.arm.robot
-        if not values.friction_file:
-            return None
-        names = [robot.own_name(name) for name in self.arm.config.joint_names]
-        return FrictionLog(Path(values.friction_file), names, values.friction_interval)
 
     def _pause(self, now: float) -> bool:
         """Return whether unknown forces may act on the arm, so that the estimator must pause."""

@@ -15,7 +15,7 @@ from aerarm_ros.control.compensation import MomentumObserver
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState, Array
-from aerarm_ros.online.friction_trend import JointFriction
+from aerarm_ros.online.joint_friction import JointFriction
 from aerarm_ros.online.replay import KnownArm, recorded_states
 
 FEATURES = (

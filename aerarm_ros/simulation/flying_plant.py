@@ -158,7 +158,7 @@ class FreeBasePlant(ArmPlant):
         base, body = self.base, self._body
         to_world = rotation_of(base.quaternion)
         spin, rate = base.angular_acceleration, base.angular_velocity
-        lever = np.cross(spin, body.imu) + np.cross(rate, np.cross(rate, body.imu))
+        lever = cross(spin, body.imu) + cross(rate, cross(rate, body.imu))
         force = to_world.T @ (base.acceleration - GRAVITY) + lever
         attitude = np.empty(4)
         mujoco.mju_mat2Quat(attitude, (to_world @ body.imu_rotation).ravel())
@@ -455,7 +455,7 @@ class FlyingPlant(FreeBasePlant):
                 self._wind = self._gust.update()
             wind = rotation.T @ self._wind
             force = force + wind
-            self._push[3:] = wrench[3:] + np.cross(self._centre, wind)
+            self._push[3:] = wrench[3:] + cross(self._centre, wind)
         self._push[:3] = rotation @ force
 
 

@@ -58,8 +58,8 @@ class WorldGains(NamedTuple):
 
     Attributes
     ----------
-    kp, kd, ki : float
-        Gains of the tool's position [1/s^2], [1/s], [1/s^3].
+    kp, kd : float
+        Gains of the tool's position [1/s^2], [1/s].
     orientation : float
         Weight of the orientation relative to the posture, in the null space of the tool's position
         [-].
@@ -67,19 +67,15 @@ class WorldGains(NamedTuple):
         Gains of the posture in that null space [1/s^2], [1/s].
     joint_kp, joint_kd : float
         Gains of the joints while the arm stays in the base frame [1/s^2], [1/s].
-    integral_max : float
-        Largest integral action [m/s^2].
     """
 
     kp: float = 400.0
     kd: float = 40.0
-    ki: float = 0.0
     orientation: float = 1.0
     posture_kp: float = 4.0
     posture_kd: float = 4.0
     joint_kp: float = 400.0
     joint_kd: float = 40.0
-    integral_max: float = 1.0
 
 
 class WorldLaw:
@@ -94,7 +90,7 @@ class WorldLaw:
 
         J_g  = J_q - J_b M_bb^-1 M_bj
         ddx  = J_b (s_0 + M_bb^-1 (w - c_b)) + g + J_g ddq + b(q, dq, omega)
-        ddq  = J_g^# (ddx_d + Kd (dx_d - dx) + Kp (x_d - x) + Ki int(x_d - x) - a_0)
+        ddq  = J_g^# (ddx_d + Kd (dx_d - dx) + Kp (x_d - x) - a_0)
                + (1 - J_g^# J_g) z
         tau  = M_jb s + M_jj ddq + c_j - J_q^T f
 
@@ -185,7 +181,6 @@ class WorldLaw:
         self.velocity = np.zeros(3)
 
     def _forget(self) -> None:
-        self._integral = np.zeros(3)
         if self.limit is not None:
             self.limit.reset()
 
@@ -250,10 +245,6 @@ class WorldLaw:
         self.error = error = to_base @ (reference.p - pose.position) - place
         wanted = to_base @ reference.ddp + gains.kp * error
         wanted = wanted + gains.kd * (to_base @ reference.dp - velocity)
-        if gains.ki:
-            step = dt * gains.ki * (pose.rotation @ error)
-            self._integral = limited(self._integral + step, gains.integral_max)
-            wanted = wanted + to_base @ self._integral
         pushed, answer, turned = self._drift(q, dq, base)
         spin = pushed[3:]
         # Acceleration of the tool without joint acceleration.

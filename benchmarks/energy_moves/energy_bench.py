@@ -173,7 +173,7 @@ class EnergyBench(NodeBench):
         limits = JointLimits.from_config(self._config)
         begin = stamp[0] + 1e-9 * stamp[1]  # this process may be late, but the arm is not
         trajectory, _ = read_trajectory(limits, self._sent.pop(stamp), begin)
-        path = trajectory.path(move.start, 'quintic')
+        path = trajectory.path(move.start)
         if abs(path.duration - move.duration) > 1e-6:
             raise SystemExit(
                 f'energy: the planner answered with {path.duration:.3f} s instead of '

@@ -23,7 +23,7 @@ from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.motion.signals import JointReference
-from aerarm_ros.online.friction_trend import JointFriction
+from aerarm_ros.online.joint_friction import JointFriction
 from aerarm_ros.online.replay import KnownArm
 from aerarm_ros.simulation.arm_plant import PlantParameters
 

@@ -153,9 +153,9 @@ class HoldingBench(NodeBench):
             pass
         return self.listener.record()
 
-    def _begin(self) -> tuple[float, np.ndarray]:
-        """Return time [s] and tool position (3,) [m] after two seconds."""
-        before = self.seen(2.0)
+    def _begin(self, settling: float = 2.0) -> tuple[float, np.ndarray]:
+        """Return time [s] and tool position (3,) [m] after the time `settling` [s]."""
+        before = self.seen(settling)
         return float(before.times[-1]), before.tools(self.drone)[-1]
 
     def _record(self, record: FlightRecord, begin: float, target: np.ndarray) -> HoldingRecord:

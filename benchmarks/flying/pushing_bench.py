@@ -23,10 +23,13 @@ class PushingRecord(HoldingRecord):
     forces : (K,) ndarray
         Force on the wall along its normal [N].
     case : PushingCase
+    approach : float
+        Time for approach and rise of the force [s].
     """
 
     forces: np.ndarray
     case: PushingCase
+    approach: float = _APPROACH
 
     def figures(self) -> tuple[float, float, float, float]:
         """Return RMS and peak force error [N], error across, and distance of the stop [mm].
@@ -44,7 +47,7 @@ class PushingRecord(HoldingRecord):
             rows = self.times >= touched + case.yields_after
             along = self.tool_places[rows, 0]
             return np.nan, peak, np.nan, 1e3 * float((along - along[0]).max())
-        rows = self.times > _APPROACH
+        rows = self.times > self.approach
         error = forces[rows] - case.force
         across = np.linalg.norm((self.tool_places - self.targets)[rows, 1:], axis=1)
         rms = float(np.sqrt((error**2).mean()))
@@ -56,16 +59,18 @@ class PushingBench(HoldingBench):
 
     case: PushingCase
 
-    def push(self, seconds: float) -> PushingRecord:
+    def push(
+        self, seconds: float, settling: float = 2.0, approach: float = _APPROACH
+    ) -> PushingRecord:
         """Return the record of approach, push and, if the case has a path, slide."""
-        begin, start = self._begin()
+        begin, start = self._begin(settling)
         self._targets.publish(self._target(start))
         message = WrenchStamped()
         message.header.frame_id = 'odom'
         message.wrench.force.x = self.case.force
         self._pushes.publish(message)
         case = self.case
-        flight = self.seen(_APPROACH + _YIELD if case.yields_after else _APPROACH)
+        flight = self.seen(approach + _YIELD if case.yields_after else approach)
         now = float(flight.times[-1])
         if not case.yields_after:
             if case.path:
@@ -77,4 +82,4 @@ class PushingBench(HoldingBench):
             slides = flight.times > now
             record.targets[slides] += swing(flight.times[slides] - now, path_length(seconds))
         felt = np.interp(flight.times, stamps, forces)
-        return PushingRecord(**vars(record), forces=felt, case=case)
+        return PushingRecord(**vars(record), forces=felt, case=case, approach=approach)

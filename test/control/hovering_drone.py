@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, replace
 from typing import Any
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from flying_arm import without_shapes
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import ImuSample, Mount
@@ -94,7 +94,7 @@ class DroneInEngine:
     def __init__(self, drone: DroneConfig, is_free: bool = True) -> None:
         self.drone, self.is_free = drone, is_free
         self.robot = load_robot(gravity_in_base=drone.gravity_in_base)
-        arm = mujoco.MjSpec.from_string(_without_shapes(self.robot.urdf_text))
+        arm = mujoco.MjSpec.from_string(without_shapes(self.robot.urdf_text))
         arm.compiler.fusestatic = False
         spec = mujoco.MjSpec()
         spec.option.gravity, spec.option.timestep = [0.0, 0.0, -9.81], CYCLE
@@ -276,11 +276,3 @@ def fly(
 def rms(errors: Array, since: float) -> float:
     """Return the root mean square from a time [s] on, over all joints [rad]."""
     return float(np.sqrt((errors[round(since / CYCLE) :] ** 2).mean()))
-
-
-def _without_shapes(urdf: str) -> str:
-    root = ElementTree.fromstring(urdf)
-    for link in root.findall('link'):
-        for shape in [*link.findall('visual'), *link.findall('collision')]:
-            link.remove(shape)
-    return ElementTree.tostring(root, encoding='unicode')

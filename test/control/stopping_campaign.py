@@ -30,10 +30,10 @@ SHARES = (0.3, 0.6, 0.95)  # fractions of a joint's velocity limit at which stop
 PLAYED = 0.5  # longest time between two preemptions [s]
 
 
-def make_follower(limits: JointLimits, q: Array, interpolation: str) -> TrajectoryFollower:
+def make_follower(limits: JointLimits, q: Array) -> TrajectoryFollower:
     """Return a follower that holds at `q` and does not limit the arm's tracking error."""
     tolerances = FollowerTolerances.uniform(limits.n, start=0.1, path=10.0)
-    follower = TrajectoryFollower(limits, tolerances, interpolation)
+    follower = TrajectoryFollower(limits, tolerances)
     follower.take_over(q)
     return follower
 
@@ -71,7 +71,7 @@ def settle(follower: TrajectoryFollower, now: float) -> Array:
 def canceled_travel(limits: JointLimits, joint: int, speed: float) -> float:
     """Return a joint's travel [rad] after a trajectory is canceled at `speed` [rad/s]."""
     trajectory = cruise(limits, joint, speed)
-    follower = make_follower(limits, trajectory.q[0], 'quintic')
+    follower = make_follower(limits, trajectory.q[0])
     follower.follow(trajectory, 0.0)
     now = float(trajectory.times[1:3].mean())
     before = follower.update(follower.reference.q, now, CYCLE)
@@ -84,7 +84,7 @@ def silent_travel(limits: JointLimits, joint: int, speed: float) -> float:
     """Return a joint's travel [rad] after a stream has timed out at `speed` [rad/s]."""
     start = 0.5 * (limits.position_min + limits.position_max)
     start[joint] = limits.position_min[joint] + 0.1
-    follower = make_follower(limits, start, 'quintic')
+    follower = make_follower(limits, start)
     acceleration = 0.5 * limits.acceleration_max[joint]
     length = speed / acceleration
     now = 0.0
@@ -107,7 +107,7 @@ def silent_travel(limits: JointLimits, joint: int, speed: float) -> float:
 def played_travel(limits: JointLimits, joint: int, speed: float) -> float:
     """Return a joint's travel [rad] after a player is stopped at `speed` [rad/s]."""
     trajectory = cruise(limits, joint, speed)
-    motion = trajectory.path(trajectory.q[0], 'quintic')
+    motion = trajectory.path(trajectory.q[0])
     player = ExcitationPlayer(
         MotionSequence([Stage('cruise', motion)]),
         VelocityLaw(0.0),
@@ -176,8 +176,7 @@ class Preemptions:
     def __init__(self, limits: JointLimits, seed: int) -> None:
         self._limits = limits
         self._random = np.random.default_rng(seed)
-        interpolation = 'quintic' if self._random.random() < 0.8 else 'cubic'
-        self.follower = make_follower(limits, self._posture(), interpolation)
+        self.follower = make_follower(limits, self._posture())
         self.now = 0.0
         self.tally = Tally()
 

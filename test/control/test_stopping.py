@@ -33,7 +33,7 @@ def test_no_preemption_leads_beyond_a_limit(limits: JointLimits) -> None:
 def test_a_goal_that_replaces_a_fast_motion_near_a_limit_keeps_to_it(limits: JointLimits) -> None:
     """A separate blend of each joint led joint 2 to 3.91 rad; its limit is 3.664."""
     start, end = np.array([0.0, 0.4, 0.0, 0.0]), np.array([0.0, 3.6, 0.0, 0.0])
-    follower = make_follower(limits, start, 'quintic')
+    follower = make_follower(limits, start)
     follower.follow(JointTrajectory(limits, limits.names, [1.3], [end]), 0.0)
     follower.update(start, 0.715, CYCLE)
     there = follower.reference
@@ -51,10 +51,10 @@ def test_a_goal_that_replaces_a_fast_motion_near_a_limit_keeps_to_it(limits: Joi
 def test_a_canceled_trajectory_stays_on_its_path(limits: JointLimits) -> None:
     points = [[0.5, 1.0, -0.6, 0.7], [1.2, 1.6, 0.5, 0.1], [0.3, 1.2, 0.9, -0.8]]
     trajectory = JointTrajectory(limits, limits.names, [0.6, 1.2, 1.8], points)
-    path = trajectory.path(np.array([0.0, 1.5, 0.0, 0.0]), 'quintic')
+    path = trajectory.path(np.array([0.0, 1.5, 0.0, 0.0]))
     on_path = path.evaluate(np.linspace(0.0, path.duration, 12_000)).q
     for now in np.arange(0.3, 1.8, 0.4):
-        follower = make_follower(limits, np.array([0.0, 1.5, 0.0, 0.0]), 'quintic')
+        follower = make_follower(limits, np.array([0.0, 1.5, 0.0, 0.0]))
         follower.follow(trajectory, 0.0)
         follower.update(follower.reference.q, now, CYCLE)
         follower.stop(now, 'canceled')
@@ -65,7 +65,7 @@ def test_a_canceled_trajectory_stays_on_its_path(limits: JointLimits) -> None:
 
 
 def test_a_stream_toward_a_limit_brakes_in_time_to_stop_before_it(limits: JointLimits) -> None:
-    follower = make_follower(limits, np.array([0.0, 1.0, 0.0, 0.0]), 'quintic')
+    follower = make_follower(limits, np.array([0.0, 1.0, 0.0, 0.0]))
     largest, now = 0.0, 0.0
     while now < 1.4:
         # It comes to 3 rad/s, and would be at the limit 0.12 s after its last point.

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig, DriveTrain, load_arm_config
-from aerarm_ros.description.drive_config import torque_constant
 
 
 def changed(config: ArmConfig, index: int, **fields: object) -> ArmConfig:
@@ -38,12 +37,6 @@ def test_conversions_are_undone(drive: DriveTrain, rng: np.random.Generator) -> 
         assert np.allclose(drive.motor_to_joint_gain(drive.joint_to_motor_gain(x)), x)
 
 
-def test_velocity_is_the_rate_of_position(drive: DriveTrain, rng: np.random.Generator) -> None:
-    q, dq = rng.normal(size=(2, 4))
-    rate = drive.joint_to_motor_position(q + dq) - drive.joint_to_motor_position(q)
-    assert np.allclose(rate, drive.joint_to_motor_velocity(dq))
-
-
 def test_power_passes_the_gear(
     config: ArmConfig, drive: DriveTrain, rng: np.random.Generator
 ) -> None:
@@ -69,12 +62,6 @@ def test_the_rotor_keeps_its_kinetic_energy(config: ArmConfig, drive: DriveTrain
     assert np.all((drive.reflected_inertia > 0.007) & (drive.reflected_inertia < 0.025))
 
 
-def test_joint_2_turns_against_its_motor_from_its_offset(drive: DriveTrain) -> None:
-    assert drive.motor_to_joint_position(np.zeros(4))[1] == 0.4
-    assert drive.motor_to_joint_position(np.full(4, 27.0))[1] == pytest.approx(0.4 - 1.0)
-    assert drive.effort_to_current(np.ones(4))[1] < 0.0 < drive.effort_to_current(np.ones(4))[0]
-
-
 def test_board_gains_make_a_restoring_torque_whatever_the_sign(
     config: ArmConfig, drive: DriveTrain
 ) -> None:
@@ -85,9 +72,3 @@ def test_board_gains_make_a_restoring_torque_whatever_the_sign(
     torque = drive.current_to_effort(kp * error)
     assert np.allclose(torque, drive.motor_to_joint_gain(kp) * (reference - q))
     assert np.all(torque * (reference - q) > 0.0)
-
-
-@pytest.mark.parametrize(('kv', 'table_4_1'), [(300.0, 0.027), (380.0, 0.022)])
-def test_torque_constants_are_those_of_table_4_1(kv: float, table_4_1: float) -> None:
-    """Thesis (4.3); the table cuts or rounds to three digits."""
-    assert torque_constant(kv) == pytest.approx(table_4_1, abs=0.6e-3)

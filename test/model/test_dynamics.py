@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.model.dynamics import GRAVITY, Dynamics, largest_gravity_load
 from aerarm_ros.model.inertia import from_pseudo_inertia
 
 State = tuple[np.ndarray, np.ndarray]
@@ -107,13 +107,6 @@ def test_gravity_is_the_slope_of_the_potential_energy(
         assert np.allclose(dynamics.gravity(q), np.array(slope) / (2 * step), atol=1e-6)
 
 
-def test_kinetic_energy_includes_the_rotors(dynamics: Dynamics, samples: np.ndarray) -> None:
-    for q, dq, _ in samples:
-        links = Dynamics(dynamics.robot).kinetic_energy(q, dq)
-        rotors = 0.5 * float(np.sum(dynamics.rotor_inertia * dq**2))
-        assert dynamics.kinetic_energy(q, dq) == pytest.approx(links + rotors)
-
-
 def test_free_motion_keeps_its_energy(dynamics: Dynamics, rng: np.random.Generator) -> None:
     n = dynamics.robot.n
     free = np.zeros(n)
@@ -169,27 +162,6 @@ def test_mujoco_computes_the_same_torques(
         assert np.allclose(dynamics.inverse(q, dq, ddq), data.qfrc_inverse, atol=1e-10)
 
 
-def test_results_are_not_overwritten_by_the_next_call(arm: Robot) -> None:
-    dynamics = Dynamics(arm)
-    zero, q = np.zeros(4), np.array([0.1, 0.4, 0.2, -0.3])
-    first = [dynamics.inverse(zero, q, q), dynamics.inertia_matrix(zero)]
-    first += [dynamics.coriolis_matrix(zero, q), dynamics.gravity(zero), dynamics.bias(zero, q)]
-    kept = [value.copy() for value in first]
-    dynamics.inverse(q, q, zero), dynamics.inertia_matrix(q), dynamics.gravity(q)
-    dynamics.coriolis_matrix(q, zero), dynamics.bias(q, zero)
-    for value, copy in zip(first, kept, strict=True):
-        assert np.array_equal(value, copy)
-
-
-@pytest.mark.parametrize(
-    ('rotor', 'message'),
-    [([0.1, 0.1], '2 rotor inertias for 4 joints'), (-1.0, 'not negative'), (np.nan, 'finite')],
-)
-def test_a_wrong_rotor_inertia_is_refused(arm: Robot, rotor: object, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        Dynamics(arm, rotor)  # type: ignore[arg-type]
-
-
 def test_a_payload_is_a_part_of_the_last_link() -> None:
     robot = load_robot()
     point = np.array([0.1, 0.01, -0.02, 1.0])
@@ -209,3 +181,21 @@ def test_a_payload_is_a_part_of_the_last_link() -> None:
     for impossible in (-payload, payload[:4], np.full(10, np.nan)):
         with pytest.raises(ValueError, match='no body has these'):
             carrying.carry(impossible)
+
+
+def test_no_direction_of_gravity_causes_a_larger_torque() -> None:
+    robot = load_robot()
+    largest = largest_gravity_load(robot)
+    random = np.random.default_rng(1)
+    for direction in random.normal(size=(50, 3)):
+        gravity = GRAVITY * direction / np.linalg.norm(direction)
+        dynamics = Dynamics(load_robot(gravity_in_base=gravity))
+        for q in random.uniform(robot.position_min, robot.position_max, (20, robot.n)):
+            assert np.all(np.abs(dynamics.gravity(q)) < 1.02 * largest)
+
+
+def test_is_the_stretched_arm_about_its_first_two_joints() -> None:
+    robot = load_robot()
+    stretched = Dynamics(robot).gravity(np.zeros(robot.n))
+    # A base on its side asks as much of joint 1 as a level one of joint 2.
+    assert largest_gravity_load(robot)[:2] == pytest.approx(abs(stretched[1]), rel=0.02)

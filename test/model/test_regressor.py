@@ -5,7 +5,9 @@ import pytest
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.model.regressor import Regressor, viscous_coulomb
+from aerarm_ros.model.inertia import parameters_of_body
+from aerarm_ros.model.regressor import MomentumRegressor, Regressor, viscous_coulomb
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 
 
 def motion(robot: Robot, rng: np.random.Generator, samples: int = 60) -> np.ndarray:
@@ -35,40 +37,6 @@ def test_regressor_times_parameters_is_the_torque(
     assert np.allclose(regressor.stack(q, dq, ddq) @ theta, tau.reshape(-1), atol=1e-9)
 
 
-def test_one_sample_is_a_row_of_the_stack(robot: Robot, rng: np.random.Generator) -> None:
-    q, dq, ddq = motion(robot, rng, 3)
-    regressor = Regressor(robot)
-    stacked = regressor.stack_rigid(q, dq, ddq)
-    assert stacked.shape == (3, robot.n, 10 * robot.n)
-    single = regressor.rigid(q[0], dq[0], ddq[0])
-    regressor.rigid(q[1], dq[1], ddq[1])
-    assert np.array_equal(single, stacked[0])
-    whole = regressor.stack(q, dq, ddq).reshape(3, robot.n, -1)
-    assert np.array_equal(whole[:, :, : 10 * robot.n], stacked)
-
-
-def test_columns_are_named_after_links_and_joints(arm: Robot) -> None:
-    columns = Regressor(arm, rotor_inertia=True).columns
-    assert len(columns) == 52 == len(set(columns))
-    assert columns[:3] == ('m_link1', 'mcx_link1', 'mcy_link1')
-    assert columns[39:41] == ('Izz_link4', 'fv_joint1')
-    assert columns[44] == 'fs_joint1'
-    assert columns[48:] == ('Ja_joint1', 'Ja_joint2', 'Ja_joint3', 'Ja_joint4')
-    assert Regressor(arm).columns == columns[:48]
-
-
-def test_each_named_joint_column_acts_on_its_joint_alone(
-    arm: Robot, rng: np.random.Generator
-) -> None:
-    q, dq, ddq = motion(arm, rng, 5)
-    regressor = Regressor(arm, rotor_inertia=True)
-    stacked = regressor.stack(q, dq, ddq).reshape(5, 4, -1)
-    for kind, values in (('fv', dq), ('fs', np.sign(dq)), ('Ja', ddq)):
-        for i, joint in enumerate(arm.joint_names):
-            column = stacked[:, :, regressor.columns.index(f'{kind}_{joint}')]
-            assert np.array_equal(column, values * (np.arange(4) == i))
-
-
 @pytest.mark.parametrize(
     ('gravity', 'rotor_inertia', 'rank'),
     [
@@ -89,16 +57,6 @@ def test_rank_on_this_arm(
     assert numerical_rank(regressor.stack(*motion(arm, rng, 200))) == rank
 
 
-def test_a_parameter_without_effect_is_a_zero_column(arm: Robot, rng: np.random.Generator) -> None:
-    """Only link 1's inertia about the vertical can be felt, and only through Izz."""
-    regressor = Regressor(arm)
-    stacked = regressor.stack(*motion(arm, rng))
-    silent = np.all(np.abs(stacked) < 1e-12, axis=0)
-    link1 = {name for name in regressor.columns if name.endswith('link1')}
-    felt = {name for name, zero in zip(regressor.columns, silent, strict=True) if not zero}
-    assert link1 & felt == {'Izz_link1'}
-
-
 def test_wrong_shapes_are_refused(arm: Robot) -> None:
     regressor = Regressor(arm)
     with pytest.raises(ValueError, match=r'\(samples, 4\)'):
@@ -109,3 +67,37 @@ def test_wrong_shapes_are_refused(arm: Robot) -> None:
         regressor.parameters(arm.inertial_parameters, arm.viscous, arm.coulomb, np.zeros(4))
     with pytest.raises(ValueError, match='4 joints'):
         regressor.parameters(np.zeros((3, 10)), arm.viscous, arm.coulomb)
+
+
+STEP = 1e-6
+PAYLOAD = parameters_of_body(0.3, [0.1, 0.02, -0.03], np.diag([1e-3, 2e-3, 2.5e-3]))
+
+
+@pytest.fixture(scope='module')
+def random() -> np.random.Generator:
+    return np.random.default_rng(3)
+
+
+@pytest.mark.parametrize('is_still', [True, False])
+def test_rate_of_momentum_and_force_make_the_torque(
+    robot: Robot, random: np.random.Generator, is_still: bool
+) -> None:
+    regressor = MomentumRegressor(robot)
+    bare, loaded = WholeBodyDynamics(robot), WholeBodyDynamics(robot)
+    loaded.carry(PAYLOAD)
+    for _ in range(5):
+        q, dq, ddq = random.normal(size=(3, robot.n))
+        force, rate, spin = random.normal(size=(3, 3))
+        if is_still:
+            force, rate, spin = -robot.gravity_in_base, np.zeros(3), np.zeros(3)
+        acceleration = np.concatenate([force, spin])
+
+        def momentum(time: float, q=q, dq=dq, ddq=ddq, force=force, rate=rate, spin=spin):  # noqa: ANN001, ANN202
+            turned = q + time * dq + 0.5 * time**2 * ddq
+            return regressor.evaluate(turned, dq + time * ddq, force, rate + time * spin)[0]
+
+        change = (momentum(STEP) - momentum(-STEP)) / (2.0 * STEP)
+        tau = (change + regressor.evaluate(q, dq, force, rate)[1]) @ PAYLOAD
+        whole = loaded.forces(q, dq, ddq, rate, acceleration)
+        torque = (whole - bare.forces(q, dq, ddq, rate, acceleration))[6:]
+        np.testing.assert_allclose(tau, torque, atol=1e-7)

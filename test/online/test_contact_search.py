@@ -49,15 +49,6 @@ def test_a_push_is_found_and_described(
     assert 'other.csv is empty' in html
 
 
-def test_the_arm_at_rest_and_its_payload_are_no_contact(
-    loaded: CarryingRun, bound: ResidualBound
-) -> None:
-    found = detector(loaded, bound)
-    found.carry(loaded.payload)
-    bag = search(recording(loaded, 2.5, 7.5), found, ContactLocator(loaded.robot()))
-    assert bag.events == []
-
-
 def test_frozen_torque_at_the_end_leaves_the_events_before_it(
     free: CarryingRun, bound: ResidualBound, pushed: Recording
 ) -> None:

@@ -57,15 +57,3 @@ def test_friction_that_is_not_known_is_in_the_regressor(robot: Robot) -> None:
     row = play(robot, False, np.zeros((3, 4)))
     explained = row.regressor @ np.concatenate([PAYLOAD, FRICTION.ravel()])
     np.testing.assert_allclose(explained, row.torque, atol=0.01)
-
-
-def test_there_is_no_row_before_two_windows(robot: Robot) -> None:
-    motion = FilteredMotion(MovingBaseDynamics(robot), 0.0, 0.0, 0.0, 30.0)
-    with pytest.raises(RuntimeError, match='before two complete windows'):
-        motion.row()
-    assert not motion.is_settled
-
-
-def test_friction_is_checked(robot: Robot) -> None:
-    with pytest.raises(ValueError, match='Coulomb friction'):
-        FilteredMotion(MovingBaseDynamics(robot), 0.0, -1.0, 0.0, 30.0)

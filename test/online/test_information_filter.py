@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.online.information_filter import InformationFilter
+from aerarm_ros.model.inertia import minimum_eigenvalue, parameters_of_body
+from aerarm_ros.online.information_filter import SPECK, InformationFilter, nearest_body
 
 TRUTH = np.array([0.5, -1.0, 2.0])
 
@@ -22,18 +23,6 @@ def test_without_forgetting_it_is_regression_with_a_prior(random: np.random.Gene
     mean = np.linalg.solve(information, rows.T @ (values / variances))
     np.testing.assert_allclose(recursive.belief.mean, mean)
     np.testing.assert_allclose(recursive.belief.covariance, np.linalg.inv(information))
-
-
-def test_unexcited_parameters_stay_at_the_prior(random: np.random.Generator) -> None:
-    recursive = InformationFilter(3)
-    kept = np.full(3, 0.95)
-    for _ in range(500):
-        row = np.append(random.normal(size=2), 0.0)[np.newaxis]
-        recursive.update(row, row @ TRUTH, np.full(1, 0.01), kept)
-    belief = recursive.belief
-    assert belief.mean[:2] == pytest.approx(TRUTH[:2], abs=0.01)
-    assert belief.mean[2] == 0.0
-    assert belief.covariance[2, 2] == pytest.approx(1.0)
 
 
 def test_estimates_return_to_the_prior_at_their_own_rates(random: np.random.Generator) -> None:
@@ -61,3 +50,34 @@ def test_a_reset_of_some_parameters_keeps_the_others(random: np.random.Generator
     np.testing.assert_allclose(after.covariance[1:, 1:], before.covariance[1:, 1:])
     assert after.covariance[0] == pytest.approx([1.0, 0.0, 0.0])
     np.testing.assert_allclose(after.information @ after.covariance, np.eye(3), atol=1e-9)
+
+
+SIZE = 0.15
+BODY = parameters_of_body(0.2, [0.1, 0.01, -0.02], np.diag([2e-4, 3e-4, 4e-4]))
+SCALE = 0.2 * np.array([1.0, *[SIZE] * 3, *[SIZE**2] * 6])
+
+
+def test_where_nothing_is_known_it_is_a_ball_of_the_mass_and_centre() -> None:
+    mean = np.concatenate([BODY[:4], np.zeros(6)])
+    precise = [*[1e-3] * 4, *[1e3] * 6]
+    found = nearest_body(mean, np.diag((precise * SCALE) ** -2.0), SIZE)
+    np.testing.assert_allclose(found[:4] / SCALE[:4], BODY[:4] / SCALE[:4], atol=1e-3)
+    assert minimum_eigenvalue(found) > 1e-6
+
+
+@pytest.mark.parametrize('mass', [0.0, -0.3, SPECK / 2.0, np.nan])
+def test_nothing_is_a_speck(mass: float) -> None:
+    found = nearest_body(np.concatenate([[mass], BODY[1:]]), np.eye(10), SIZE)
+    assert found[0] == SPECK
+    assert minimum_eigenvalue(found) > 0.0
+
+
+def test_whatever_is_estimated_it_is_a_body() -> None:
+    random = np.random.default_rng(1)
+    for _ in range(1000):
+        factor = random.normal(size=(10, 10)) * 10.0 ** random.uniform(-2, 4, size=10)
+        information = factor.T @ factor + np.eye(10)
+        mean = SCALE * random.normal(size=10) * 10.0 ** random.uniform(-3, 2)
+        found = nearest_body(mean, information, SIZE)
+        assert np.isfinite(found).all()
+        assert minimum_eigenvalue(found) > 0.0

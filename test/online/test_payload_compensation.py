@@ -24,17 +24,6 @@ def test_the_payload_reaches_its_fraction_at_the_mass_rate_as_a_possible_body() 
     assert min(minimum_eigenvalue(body) for body in carried) > 0.0
 
 
-def test_the_centre_moves_at_its_rate() -> None:
-    hand_over = PayloadCompensation(1.0, 1.0, 0.05)
-    hand_over.offer(FOUND)
-    lead(hand_over, 3.0)
-    np.testing.assert_allclose(hand_over.carried, FOUND)
-    hand_over.offer(ball(0.2, [0.15, 0.01, -0.02], 0.05))
-    centres = lead(hand_over, 2.0)[:, 1] / 0.2
-    assert np.diff(centres).max() == pytest.approx(0.05 * STEP)
-    assert centres[-1] == pytest.approx(0.15)
-
-
 def test_a_put_down_payload_is_removed_gradually() -> None:
     hand_over = PayloadCompensation(1.0, 0.2, 1.0)
     hand_over.offer(FOUND)
@@ -62,10 +51,3 @@ def test_a_payload_that_increases_errors_is_removed_until_the_estimate_changes()
     hand_over.offer(2.0 * FOUND)
     assert not hand_over.is_undone
     assert lead(hand_over, 3.0)[-1] == pytest.approx(2.0 * FOUND)
-
-
-def test_bad_settings_are_refused() -> None:
-    with pytest.raises(ValueError, match='fraction = 1.5'):
-        PayloadCompensation(1.5, 0.2, 0.1)
-    with pytest.raises(ValueError, match='mass_rate'):
-        PayloadCompensation(1.0, 0.0, 0.1)

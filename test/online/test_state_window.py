@@ -33,15 +33,6 @@ def test_the_mean_torque_is_the_change_of_mean_momentum() -> None:
         assert after.state.tau == pytest.approx(change)
 
 
-def test_slow_states_pass_unchanged() -> None:
-    states = pushed_mass(np.array([1.0, -2.0, 0.5]))
-    means = windows(states, 0.01)
-    assert [mean.states for mean in means] == [1, 1, 1]
-    for state, mean in zip(states, means, strict=True):
-        assert mean.state.dq == pytest.approx(state.dq)
-        assert mean.state.tau == pytest.approx(state.tau)
-
-
 def test_encoder_counts_disappear_in_the_mean() -> None:
     count, speed = 5e-5, 0.02
     q = np.floor(speed * CYCLE * np.arange(1001) / count) * count

@@ -7,11 +7,11 @@ import pytest
 from holding_flight import SETTLED, HeldFlight, HoldingFlight
 
 from aerarm_ros.control.checks import RejectedInputError
-from aerarm_ros.flight.flight_state import OdometrySample
 
 
-@pytest.fixture
+@pytest.fixture(scope='module')
 def flown() -> HoldingFlight:
+    """Return a flight, which every test continues."""
     flight = HoldingFlight(HeldFlight(wind=0.5))
     flight.run(SETTLED)
     return flight
@@ -47,36 +47,24 @@ def test_without_odometry_the_tool_stops_in_the_base_frame_and_returns(
     assert np.linalg.norm(flown.tool() - target) < 5e-3
 
 
-def test_the_tool_follows_a_jump_of_the_odometry_slowly(flown: HoldingFlight) -> None:
-    shift = np.array([0.0, 0.06, 0.0])
-
-    def jumped(sample: OdometrySample) -> list[OdometrySample]:
-        rest = list(vars(sample).values())[2:]
-        return [OdometrySample(sample.stamp, sample.position + shift, *rest)]
-
-    before = flown.tool()
-    flown.tell = jumped
-    places = [before]
-    for _ in range(250):
-        flown.run(0.01)
-        places.append(flown.tool())
-    speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.01
-    assert speed.max() < 0.2
-    assert flown.pose.jumps == 1
-    assert flown.tool() == pytest.approx(before - shift, abs=6e-3)
-
-
-def test_a_stream_of_targets_does_not_speed_up_the_return_after_a_jump(
-    flown: HoldingFlight,
+@pytest.mark.parametrize(
+    ('shift', 'seconds', 'is_streamed', 'tolerance'),
+    [(0.06, 2.5, False, 6e-3), (0.0, 1.0, True, 0.02)],
+)
+def test_the_tool_follows_a_jump_of_the_odometry_slowly(
+    flown: HoldingFlight, shift: float, seconds: float, is_streamed: bool, tolerance: float
 ) -> None:
-    goal, shift = flown.source.goal, np.array([0.0, 0.06, 0.0])
-    flown.tell = lambda sample: [replace(sample, position=sample.position + shift)]
+    """The second jump leads back; a stream of targets does not speed up the return."""
+    jumps, target = flown.pose.jumps, flown.source.goal
+    moved = np.array([0.0, shift, 0.0])
+    flown.tell = lambda sample: [replace(sample, position=sample.position + moved)]
     places = [flown.tool()]
-    for _ in range(100):
-        flown.source.go_to(goal, flown.now)
+    for _ in range(round(seconds / 0.01)):
+        if is_streamed:
+            flown.source.go_to(target, flown.now)
         flown.run(0.01)
         places.append(flown.tool())
     speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.01
-    assert flown.pose.jumps == 1
     assert speed.max() < 0.2
-    assert np.linalg.norm(flown.tool() - (places[0] - shift)) < 0.02
+    assert flown.pose.jumps == jumps + 1
+    assert np.linalg.norm(flown.tool() - (target - moved)) < tolerance

@@ -12,7 +12,6 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.model.inertia import parameters_of_body
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import JointReference
@@ -78,12 +77,6 @@ def test_the_reaction_agrees_with_momentum(drone: DroneConfig) -> None:
     assert about == pytest.approx(mount.rotation @ rate[3:], abs=2e-3)
 
 
-def test_a_slow_motion_is_left_as_it_is(drone: DroneConfig) -> None:
-    governor = governor_of(drone)
-    motion = PolynomialPath.rest_to_rest(HANGING, OUT, 8.0)
-    assert governor.govern(motion) is motion
-
-
 def test_a_fast_motion_is_slowed_along_its_path(drone: DroneConfig) -> None:
     governor = governor_of(drone)
     motion = PolynomialPath.rest_to_rest(HANGING, OUT, 0.45)
@@ -141,13 +134,6 @@ def test_an_excitation_gets_one_factor(drone: DroneConfig) -> None:
     assert governor.slowdown(PolynomialPath.rest_to_rest(HANGING, OUT, 20.0)) == 1.0
 
 
-def test_a_heading_that_no_pace_holds_is_rejected() -> None:
-    tight = HeadingControl(1e-6, frequency=0.1)
-    motion = PolynomialPath.rest_to_rest(BESIDE, TURNED, 1.0)
-    with pytest.raises(RejectedInputError, match='heading'):
-        governor_of(load_drone_config(), heading=tight).slowdown(motion)
-
-
 def test_a_drone_with_rotors_in_one_plane_needs_thrust_to_tilt() -> None:
     """Quick motion across the drone: the tilt alone takes the rotors beyond their share."""
     drone = load_drone_config()
@@ -191,17 +177,6 @@ def test_turning_is_the_rotation_of_a_free_drone(drone: DroneConfig) -> None:
     assert limit.turn_max == HeadingControl(LIMIT).turn_max
 
 
-def test_an_unknown_payload_has_the_momentum_of_a_known_one(drone: DroneConfig) -> None:
-    motion = JointReference(BESIDE, np.array([0.3, -0.2, 0.5, 0.4]), np.zeros(4))
-    governor = governor_of(drone, heading=HeadingControl(LIMIT), unknown=1e-3)
-    *_, empty, carried = governor._row(motion)
-    at_tool = [0.1, 0.0, 0.0]  # [m] in the frame of the last joint
-    governor.whole.carry(parameters_of_body(1e-3, at_tool, np.zeros((3, 3))))
-    *_, loaded, _ = governor._row(motion)
-    assert abs(carried) > 1e-5
-    assert carried == pytest.approx(loaded - empty, rel=1e-2)
-
-
 def test_an_arm_that_may_carry_an_unknown_payload_moves_slower() -> None:
     drone, motion = load_drone_config(), PolynomialPath.rest_to_rest(BESIDE, TURNED, 1.0)
     durations = [
@@ -212,18 +187,6 @@ def test_an_arm_that_may_carry_an_unknown_payload_moves_slower() -> None:
     heading = HeadingControl(LIMIT)
     factors = [governor_of(drone, 0.7, heading, mass).slowdown(motion) for mass in (0.0, 0.2)]
     assert factors[1] > 1.05 * factors[0], factors
-
-
-def test_an_arm_without_tool0_is_governed() -> None:
-    drone = load_drone_config()
-    robot = load_robot(
-        resource('config', 'examples', 'six_joints.urdf'), gravity_in_base=drone.gravity_in_base
-    )
-    whole = WholeBodyDynamics(robot, 0.0, carrier_parameters(drone))
-    heading = HeadingControl(LIMIT)
-    governor = RotorGovernor(whole, drone, drone.gravity_in_base, 1.0, heading, 0.2)
-    *_, carried = governor._row(JointReference(np.full(6, 0.3), np.ones(6), np.zeros(6)))
-    assert carried != 0.0
 
 
 def test_a_reaction_is_limited_only_if_it_lasts(drone: DroneConfig) -> None:

@@ -85,12 +85,11 @@ class JointTrajectory:
     def path(
         self,
         start: Array,
-        interpolation: str,
         elapsed: float = 0.0,
         start_dq: Array | None = None,
         start_ddq: Array | None = None,
     ) -> PolynomialPath:
-        """Return the polynomial path through the points of the trajectory.
+        """Return the path of quintic polynomials through the points of the trajectory.
 
         A trajectory whose first point is in the future begins at `start`. Missing velocities and
         accelerations are the slopes between neighbouring points, zero at the ends.
@@ -99,8 +98,6 @@ class JointTrajectory:
         ----------
         start : (n,) ndarray
             Present reference [rad].
-        interpolation : str
-            'cubic' (continuous velocity) or 'quintic' (continuous acceleration).
         elapsed : float
             Part of the time to the first point that has passed when the motion begins [s].
         start_dq, start_ddq : (n,) ndarray, optional
@@ -124,14 +121,11 @@ class JointTrajectory:
             dq = _slopes(times, q)
         if begins_here and start_dq is not None:
             dq[0] = start_dq
-        if interpolation == 'quintic':
-            if ddq is None:
-                ddq = _slopes(times, dq)
-            if begins_here and start_ddq is not None:
-                ddq[0] = start_ddq
-            path = PolynomialPath.quintic(times, q, dq, ddq)
-        else:
-            path = PolynomialPath.cubic(times, q, dq)
+        if ddq is None:
+            ddq = _slopes(times, dq)
+        if begins_here and start_ddq is not None:
+            ddq[0] = start_ddq
+        path = PolynomialPath.quintic(times, q, dq, ddq)
         self._check_between(path, self._limits.including(start))
         return path
 

@@ -103,8 +103,6 @@ class TrajectoryFollower:
 
     Parameters
     ----------
-    interpolation : str
-        'cubic' or 'quintic', for trajectories.
     govern : callable
         Returns a motion, possibly slowed down along its path, or rejects it (RejectedInputError).
         Streamed points and stops do not pass this function.
@@ -136,14 +134,10 @@ class TrajectoryFollower:
         self,
         limits: JointLimits,
         tolerances: FollowerTolerances,
-        interpolation: str = 'quintic',
         govern: Callable[[FollowedMotion], FollowedMotion] = lambda motion: motion,
         chase: ReferenceChase | None = None,
     ) -> None:
         self._govern, self._chase = govern, chase
-        if interpolation not in ('cubic', 'quintic'):
-            raise ValueError(f"interpolation = {interpolation!r} must be 'cubic' or 'quintic'")
-        self.interpolation = interpolation
         self.limits = limits
         self.tolerances = tolerances
         self.outcome = 'no motion yet'
@@ -323,13 +317,13 @@ class TrajectoryFollower:
         A trajectory without an initial point starts at the present reference.
         """
         left = trajectory.times[0] - (now - begin)
-        if self.interpolation == 'quintic' and begin <= now and left > 0.0:
+        if begin <= now and left > 0.0:
             q, dq, ddq = self._after(now)(0.0)
             # One polynomial from a fast motion to a distant point would overshoot.
             stopping = float((np.abs(dq) / self.limits.acceleration_max).max())
             try:
                 if not self.moves or left <= _JOINED * stopping:
-                    return trajectory.path(q, 'quintic', now - begin, dq, ddq), begin
+                    return trajectory.path(q, now - begin, dq, ddq), begin
             except RejectedInputError:
                 if not self.moves:
                     raise
@@ -337,7 +331,7 @@ class TrajectoryFollower:
         if trajectory.is_single_point:
             motion = Posture(trajectory.posture())
         else:
-            motion = trajectory.path(self.reference.q, self.interpolation)
+            motion = trajectory.path(self.reference.q)
         self._check_start(motion.evaluate(now - begin).q, self.reference.q)
         way = self._transition(motion, now, begin)
         return way, now + way.delay

@@ -178,8 +178,6 @@ ROTOR_PARAMETERS = grouped(
 
 FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
     'Trajectory tracking',
-    Parameter('interpolation', 'quintic',
-        'degree of the polynomials between trajectory points', choices=('cubic', 'quintic')),
     Parameter('start_tolerance', 0.1,
         'largest accepted distance of the first trajectory point from the present reference',
         'rad', 0.0, 3.0),
@@ -192,9 +190,6 @@ FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
         'time after the end of the trajectory within which the arm must reach the goal; 0 for '
         'no limit',
         's', 0.0, 60.0),
-    Parameter('allow_partial_joints_goal', True,
-        'whether the controller accepts trajectories that omit joints; omitted joints hold '
-        'their positions'),
     Parameter('stream_timeout', 0.1,
         'time without a new point of a stream after which the controller stops the motion',
         's', 0.005, 10.0),
@@ -259,7 +254,7 @@ class ControlledArm:
         if values.friction_file:
             # Imported here, because most controllers do not need the identifier's libraries.
             from aerarm_ros.identification.files.estimate_file import read_estimate
-            from aerarm_ros.online.friction_trend import JointFriction
+            from aerarm_ros.online.joint_friction import JointFriction
             from aerarm_ros.online.replay import KnownArm
 
             estimate = read_estimate(Path(values.friction_file), self.robot)
@@ -378,7 +373,7 @@ class ControlledArm:
         limited: tuple[Any, ...] = ()
         if (governor := self.governor(values)) is not None:
             limited = governor.govern, ReferenceChase(self.limits, governor.motion_limits)
-        return TrajectoryFollower(self.limits, tolerances, values.interpolation, *limited)
+        return TrajectoryFollower(self.limits, tolerances, *limited)
 
     def governor(self, values: SimpleNamespace) -> RotorGovernor | None:
         """Return the governor that slows down motions which demand too much of the rotors.

@@ -183,8 +183,7 @@ class TrajectoryController(ControllerNode):
 
     def read(self, message: TrajectoryMessage, now: float) -> tuple[JointTrajectory, float | None]:
         """Return a message's trajectory and start time, as the function `read_trajectory` does."""
-        staying = self.follower.reference.q if self.values.allow_partial_joints_goal else None
-        return read_trajectory(self.follower.limits, message, now, staying)
+        return read_trajectory(self.follower.limits, message, now, self.follower.reference.q)
 
     def check_parameter(self, name: str, value: Any) -> None:
         """Raise ValueError unless a new gain has one value, or one per joint."""

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, Quaternion, WrenchStamped
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
@@ -18,6 +18,8 @@ from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.messages import fill, seconds, vector, wrench, wrench_message
+from aerarm_ros.ros.messages import quaternion as quaternion_of
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.world.base_pose import BasePose
 from aerarm_ros.world.reach import DIRECTIONS, ArmReach, DroneRequest, ReachMargin
@@ -108,13 +110,10 @@ class WorldTopics:
     # Targets, in the loop's thread.
 
     def _on_target(self, message: PoseStamped, now: float) -> None:
-        p, r = message.pose.position, message.pose.orientation
+        rotation = _rotation('tool target', message.pose.orientation)
+        position = vector(message.pose.position)
         place, rotation = self._in_world(
-            'tool target',
-            message.header.frame_id,
-            np.array([p.x, p.y, p.z]),
-            _rotation('tool target', np.array([r.x, r.y, r.z, r.w])),
-            now,
+            'tool target', message.header.frame_id, position, rotation, now
         )
         self._reference.go_to(place, now, rotation)
 
@@ -130,21 +129,19 @@ class WorldTopics:
                 f'tool motion rejected, because its frame is {message.header.frame_id!r}: send it '
                 f'in the frame of the odometry, {self.frame!r}'
             )
-        turn = points[-1].transforms[0].rotation
         path = WorldPath(
-            [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points],
-            [_vector(p.transforms[0].translation) for p in points],
+            [seconds(p.time_from_start) for p in points],
+            [vector(p.transforms[0].translation) for p in points],
             _linear([p.velocities for p in points]),
             _linear([p.accelerations for p in points]),
             self._values.tool_velocity_max,
             self._values.tool_acceleration_max,
         )
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        rotation = _rotation('tool motion', np.array([turn.x, turn.y, turn.z, turn.w]))
-        self._reference.follow(path, stamp or now, now, rotation)
+        rotation = _rotation('tool motion', points[-1].transforms[0].rotation)
+        self._reference.follow(path, seconds(message.header.stamp) or now, now, rotation)
 
     def _on_force(self, message: WrenchStamped, now: float) -> None:
-        force, moment = _vector(message.wrench.force), _vector(message.wrench.torque)
+        force, moment = np.split(wrench(message), 2)
         if np.any(moment != 0.0):
             raise RejectedInputError(
                 'tool force rejected: the tool can press with a force but not with a moment: set '
@@ -232,11 +229,8 @@ class WorldTopics:
         if not self._reference.base.problem(now):
             force = self._reference.base.pose(now).rotation.T @ pusher.planned_on_tool(now)
         moment = cross(self._kinematics.position(state.q), force)
-        message = WrenchStamped(header=base_header(stamp_ns, self._base))
-        f, m = message.wrench.force, message.wrench.torque
-        f.x, f.y, f.z = force.tolist()
-        m.x, m.y, m.z = moment.tolist()
-        self._contacts.publish(message)
+        header = base_header(stamp_ns, self._base)
+        self._contacts.publish(wrench_message(header, np.concatenate([force, moment])))
 
     def give_up(self, reason: str) -> None:
         """Forget the stored reach and end the contact, because the arm is not controlled."""
@@ -273,14 +267,14 @@ class WorldTopics:
 def pose_message(header: Header, place: Array, rotation: Array) -> PoseStamped:
     """Return a pose message with position `place` (3,) [m] and rotation matrix (3, 3)."""
     message = PoseStamped(header=header)
-    p, r = message.pose.position, message.pose.orientation
-    p.x, p.y, p.z = place.tolist()
-    r.x, r.y, r.z, r.w = quaternion(rotation).tolist()
+    fill(message.pose.position, place)
+    fill(message.pose.orientation, quaternion(rotation))
     return message
 
 
-def _rotation(what: str, turn: Array) -> Array | None:
-    """Return the rotation matrix of a quaternion (x, y, z, w); None if the quaternion is zero."""
+def _rotation(what: str, part: Quaternion) -> Array | None:
+    """Return the rotation matrix of a quaternion; None if the quaternion is zero."""
+    turn = quaternion_of(part)
     length = float(np.linalg.norm(turn))
     if not np.isfinite(length):
         raise RejectedInputError(
@@ -300,8 +294,4 @@ def _linear(rows: list[object]) -> list[Array] | None:
     """Return the linear part of each point's twist, None if no point has a twist."""
     if not any(len(row) for row in rows):  # type: ignore[arg-type]
         return None
-    return [_vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]  # type: ignore
-
-
-def _vector(part: object) -> Array:
-    return np.array([part.x, part.y, part.z])  # type: ignore[attr-defined]
+    return [vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]  # type: ignore

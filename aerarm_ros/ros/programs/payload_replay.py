@@ -1,4 +1,4 @@
-"""`payload_estimator` without ROS: `--bag` estimates a payload, `--trend` prints a trend."""
+"""`payload_estimator --bag`: estimate a payload from bags, without ROS."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import argparse
 import dataclasses
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from aerarm_ros.identification.files.result_directory import MARKER, ResultDirec
 from aerarm_ros.identification.payload import calibrate_gains
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.online.friction_trend import FrictionTrend, read_trend
 from aerarm_ros.online.payload_estimator import (
     FRICTION_NAMES,
     EstimatorSettings,
@@ -27,7 +25,7 @@ from aerarm_ros.online.payload_estimator import (
     PayloadEstimator,
 )
 from aerarm_ros.online.replay import KnownArm, LoadChange, Replay, unexplained_torque
-from aerarm_ros.ros.controllers.friction_log import ESTIMATOR_PARAMETERS, estimator_settings
+from aerarm_ros.ros.controllers.payload_parameters import ESTIMATOR_PARAMETERS, estimator_settings
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.process_end import (
     INTERRUPTED,
@@ -42,16 +40,10 @@ from aerarm_ros.ros.programs.identifier_run import UNCALIBRATED, RecordedArm, ga
 
 
 def main() -> int:
-    """Estimate a payload or print the friction trend, as this process's command line requests."""
-    name, given = 'payload_estimator', sys.argv[1:]
-    is_trend = any(argument.split('=')[0] == '--trend' for argument in given)
-    return (show_trend if is_trend else replay)(name, given)
+    """Estimate a payload, as this process's command line requests."""
+    return replay('payload_estimator', sys.argv[1:])
 
 
-_TREND_OPTIONS: tuple[Option, ...] = (
-    ('--trend', {'type': Path, 'required': True, 'metavar': 'FILE'},
-        'file that payload_estimator writes if its parameter friction_file is set'),
-)  # fmt: skip
 _OPTIONS: tuple[Option, ...] = (
     ('--bag', {'nargs': '+', 'type': Path, 'required': True, 'metavar': 'DIR'},
         'recordings in chronological order: rosbag2 folders, or .mcap, .db3, .csv, .npz and ROS 1 '
@@ -63,44 +55,6 @@ _OPTIONS: tuple[Option, ...] = (
         'mass that the arm carries in all bags; the program calibrates the effort gains with this '
         'mass instead of estimating a payload; needs --model'),
 )  # fmt: skip
-
-
-def show_trend(name: str, arguments: Sequence[str]) -> int:
-    """Print the friction trend; return 0, or 2 if the user must check an input."""
-    parser = table_parser(
-        name, 'Print how the joint friction has changed over days and weeks.', _TREND_OPTIONS
-    )
-    options = parser.parse_args(arguments)
-    try:
-        print(trend_table(read_trend(options.trend)))
-    except (ValueError, OSError) as error:
-        print_error(name, error)
-        return USER_ERROR
-    return 0
-
-
-def trend_table(trend: FrictionTrend) -> str:
-    """Return one line per friction coefficient, and mark significant changes with `*`."""
-    records, changes = trend.records, trend.changes()
-    if not changes:
-        return f'the trend file has {len(records)} records, but a trend needs at least two'
-    dates = (datetime.fromtimestamp(records[index].time, UTC) for index in (0, -1))
-    first, last = (f'{date:%Y-%m-%d %H:%M}' for date in dates)
-    width = max(len(change.name) for change in changes)
-    lines = [
-        f'{len(records)} records, {first} to {last} UTC',
-        f'  {"":{width}}  {"first":>9} {"last":>9}   per week',
-    ]
-    for change in changes:
-        mark = '*' if change.is_clear else ' '
-        rate = f'{change.rate:+.2g} ± {change.rate_std:.2g}'
-        lines.append(f'{mark} {change.name:{width}}  {change.old:9.4f} {change.new:9.4f}   {rate}')
-    clear = sum(change.is_clear for change in changes)
-    lines.append(
-        f'* marks a change by more than three standard deviations ({clear} of {len(changes)} '
-        'coefficients)'
-    )
-    return '\n'.join(lines)
 
 
 _GAINS = 'effort_gains.yaml'

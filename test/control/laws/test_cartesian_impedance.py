@@ -28,12 +28,6 @@ def still(p) -> TaskReference:
     return TaskReference(np.array(p), np.zeros(3), np.zeros(3))
 
 
-def test_holds_without_error(law, kinematics, frictionless_bench) -> None:
-    reference = still(kinematics.position(START))
-    run = frictionless_bench(START).run(lambda s, now: law.update(s, reference, CYCLE), 0.3)
-    assert np.abs(run.q - START).max() < 1e-6
-
-
 def test_a_force_deflects_the_tool_by_force_over_stiffness(
     dynamics, kinematics, frictionless_bench
 ) -> None:
@@ -108,11 +102,6 @@ def test_torques_stay_bounded_at_the_singular_wrist(robot, dynamics, postures) -
         reference = still(1.05 * kinematics.position(q))
         effort = law.update(state, reference, CYCLE).tau
         assert np.abs(effort - dynamics.fixed.gravity(q)).max() < 30.0
-
-
-def test_negative_stiffness_is_refused(dynamics, kinematics) -> None:
-    with pytest.raises(ValueError, match='stiffness'):
-        CartesianImpedance(dynamics, kinematics, -1.0, DAMPING, START)
 
 
 def test_on_a_free_base_the_tool_is_the_same_spring(carried, kinematics) -> None:

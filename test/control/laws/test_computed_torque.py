@@ -1,10 +1,10 @@
 """Thesis (2.21): the error obeys (2.22), in every joint, for any motion of the arm."""
 
 import numpy as np
-import pytest
+from answering_base import answering_base, joint_acceleration
 
 from aerarm_ros.control.compensation import ErrorIntegral, FrictionCompensation
-from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, ComputedTorque
 from aerarm_ros.motion.signals import ArmState, JointCommand, JointReference
 
 CYCLE = 1e-3
@@ -63,21 +63,6 @@ def test_the_integral_removes_a_constant_error(dynamics, frictionless_bench) -> 
     assert np.all(final[1] < 0.01 * final[0])
 
 
-def test_taking_over_forgets_the_integral(dynamics) -> None:
-    law = ComputedTorque(dynamics, KP, KD, ErrorIntegral(np.full(4, 400.0), np.full(4, 100.0)))
-    state = ArmState(UPRIGHT, np.zeros(4), np.zeros(4))
-    away = JointReference.at_rest(UPRIGHT + 0.1)
-    first = law.update(state, away, CYCLE).tau
-    assert not np.allclose(law.update(state, away, CYCLE).tau, first)
-    law.take_over(UPRIGHT)
-    np.testing.assert_allclose(law.update(state, away, CYCLE).tau, first)
-
-
-def test_gains_must_be_one_a_joint(dynamics) -> None:
-    with pytest.raises(ValueError, match='3 values'):
-        ComputedTorque(dynamics, [1.0, 1.0, 1.0], KD)
-
-
 def test_known_delays_are_compensated(dynamics, frictionless_bench) -> None:
     """A torque acts one cycle later for one cycle; velocities pass a low-pass."""
     delay, lag = 1.5 * CYCLE, 1.59e-3
@@ -106,3 +91,22 @@ class Late:
         command = self._law.update(state._replace(dq=self._dq), sine_reference(now), CYCLE)
         due, self._next = self._next or command, command
         return due
+
+
+def test_commands_the_reference_and_the_torque_that_makes_it(dynamics) -> None:
+    reference = JointReference(UPRIGHT + 0.1, np.full(4, 0.3), np.full(4, 2.0))
+    state = ArmState(UPRIGHT, np.zeros(4), np.zeros(4))
+    command = BoardComputedTorque(dynamics).update(state, reference, CYCLE)
+    np.testing.assert_array_equal(command.q, reference.q)
+    np.testing.assert_array_equal(command.dq, reference.dq)
+    # Applied to the arm on the reference, it gives the wanted acceleration.
+    ddq = dynamics.fixed.forward(reference.q, reference.dq, command.tau)
+    np.testing.assert_allclose(ddq, reference.ddq, atol=1e-9)
+
+
+def test_on_a_free_base_it_is_the_torque_that_makes_it_there(carried) -> None:
+    reference = JointReference(UPRIGHT + 0.1, np.full(4, 0.3), np.full(4, 2.0))
+    state = ArmState(UPRIGHT, np.zeros(4), np.zeros(4))
+    command = BoardComputedTorque(carried).update(state, reference, CYCLE, answering_base())
+    ddq = joint_acceleration(carried, reference.q, reference.dq, command.tau)
+    np.testing.assert_allclose(ddq, reference.ddq, atol=1e-9)

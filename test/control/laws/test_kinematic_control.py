@@ -136,18 +136,6 @@ def test_too_fast_a_tool_is_slowed_down_in_its_direction(make_resolution, limits
     assert resolution.slowdown < 1.0
 
 
-def test_the_singular_wrist_is_controlled_with_bounded_velocities(make_resolution) -> None:
-    resolution = make_resolution('wrist', rest_gain=3.0)
-    start = resolution.kinematics.position(START)
-    # The wrist stays on a sphere about joint 2: a goal off it is approached, not reached.
-    goal = 1.1 * start + [0.0, 0.05, 0.0]
-    rows = integrate(CartesianMotionControl(resolution, 5.0), still(goal), START, 3.0)
-    assert np.abs(np.diff(rows, axis=0)).max() / CYCLE < 3.0
-    assert np.abs(np.diff(rows[-100:], axis=0)).max() < 1e-5
-    end = resolution.kinematics.position(rows[-1])
-    assert np.linalg.norm(goal - end) < np.linalg.norm(goal - start)
-
-
 def test_the_null_space_motion_decreases_the_objective(make_resolution, robot) -> None:
     """The loss of holding the weight falls to the least one at this place."""
     loss = HoldingLoss(EnergyModel(load_arm_config(), robot))
@@ -162,3 +150,43 @@ def test_the_null_space_motion_decreases_the_objective(make_resolution, robot) -
     null = np.linalg.svd(resolution.kinematics.position_jacobian(end))[2][-1]
     start_null = np.linalg.svd(resolution.kinematics.position_jacobian(START))[2][-1]
     assert abs(loss.gradient(end) @ null) < 0.1 * abs(loss.gradient(START) @ start_null)
+
+
+def test_equals_the_pseudo_inverse_away_from_singularities(robot, postures) -> None:
+    kinematics = Kinematics(robot, 'tool0')
+    inverse = DampedInverse(threshold=0.01, damping=0.01)
+    tried = 0
+    for q in postures:
+        jacobian = kinematics.position_jacobian(q)
+        result = inverse.of(jacobian)
+        if result.least > 0.01:
+            tried += 1
+            np.testing.assert_allclose(result.inverse, np.linalg.pinv(jacobian), atol=1e-9)
+            np.testing.assert_allclose(jacobian @ result.null_space, 0.0, atol=1e-9)
+    assert tried >= 5
+
+
+def test_is_bounded_at_the_wrist_which_is_singular_everywhere(robot, postures) -> None:
+    kinematics = Kinematics(robot, 'wrist')
+    inverse = DampedInverse(threshold=0.08, damping=0.04)
+    for q in postures:
+        jacobian = kinematics.position_jacobian(q)
+        result = inverse.of(jacobian)
+        assert result.least < 1e-9
+        assert np.linalg.norm(result.inverse, 2) < 1.0 / (2.0 * 0.04) + 1.0 / 0.08
+        # What the wrist can do it still does exactly.
+        reachable = jacobian @ np.array([0.3, -0.2, 0.0, 0.0])
+        if np.linalg.svd(jacobian)[1][1] > 0.08:
+            np.testing.assert_allclose(jacobian @ result.inverse @ reachable, reachable, atol=1e-9)
+
+
+def test_damping_grows_toward_the_singularity(robot) -> None:
+    inverse = DampedInverse(threshold=0.1, damping=0.05)
+    losses = []
+    for value in (0.2, 0.1, 0.08, 0.05, 0.02, 0.0):
+        result = inverse.of(np.diag([1.0, 0.7, value]))
+        losses.append(1.0 - value * result.inverse[2, 2])
+        assert result.inverse[0, 0] == pytest.approx(1.0)
+    assert losses[:2] == pytest.approx([0.0, 0.0])
+    assert np.all(np.diff(losses) >= 0.0)
+    assert losses[-1] == 1.0

@@ -21,12 +21,6 @@ def play(follower, seconds, start=0.0):
     return np.array([follower.update(POSTURE, start + i * CYCLE, CYCLE) for i in cycles])
 
 
-def test_stays_where_the_tool_is(follower, robot) -> None:
-    rows = play(follower, 0.1)
-    np.testing.assert_allclose(rows[-1, 0], Kinematics(robot).position(POSTURE))
-    assert not rows[:, 1:].any()
-
-
 def test_reaches_a_target_without_overshoot_and_within_limits(follower) -> None:
     start = play(follower, 0.001)[-1, 0]
     goal = start + [0.2, -0.1, 0.1]
@@ -62,15 +56,6 @@ def test_a_stream_that_ends_leaves_the_tool_at_its_last_target(follower) -> None
     assert np.linalg.norm(rows[-1, 1]) < 1e-3
     # Beyond it only by what 0.5 m/s need to be braked.
     assert (rows[:, 0] - last)[:, 1].max() < 0.06
-
-
-def test_two_single_targets_in_a_row_are_no_path_beyond_the_second(follower) -> None:
-    start = play(follower, 0.001)[-1, 0]
-    follower.set_target(start, 0.0)
-    play(follower, 0.2)
-    follower.set_target(start + [0.0, 0.2, 0.0], 0.2)
-    rows = play(follower, 3.0, start=0.2)
-    np.testing.assert_allclose(rows[-1, 0], start + [0.0, 0.2, 0.0], atol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,6 @@ import pytest
 sys.path.append(str(Path(__file__).parents[3] / 'benchmarks'))
 from goal_runs.goal_bench import GoalBench
 
-from aerarm_ros.nodes.controllers.impedance_control import PARAMETERS
-
 SETTLING = 0.5  # [s]
 
 
@@ -30,8 +28,3 @@ def test_an_arm_that_differs_from_its_urdf_settles_at_its_goal(
     assert reached.settling < SETTLING
     # Without the observer: 11, 5 and 10 mrad.
     assert bench.rest(0.2).error < 0.0025
-
-
-def test_a_contact_is_no_disturbance_to_an_impedance() -> None:
-    (share,) = [p.default for p in PARAMETERS if p.name == 'compensation']
-    assert share == 0.0

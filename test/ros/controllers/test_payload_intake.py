@@ -91,15 +91,6 @@ def test_its_torque_never_steps() -> None:
     assert np.ptp(torques, axis=0).max() > 1.0
 
 
-def test_a_fraction_of_the_payload_is_compensated() -> None:
-    rig = IntakeRig(0.5)
-    grasped(rig)
-    before = rig.residual()
-    rig.offer(0.2)
-    rig.wait(1.5)
-    assert rig.residual() == pytest.approx(0.5 * before)
-
-
 def test_a_wrong_payload_is_withdrawn_and_reported() -> None:
     rig = IntakeRig(1.0)
     rig.offer(0.2)

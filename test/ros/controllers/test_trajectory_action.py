@@ -118,15 +118,6 @@ def test_goals_of_an_action_client(arm: ActionBench) -> None:
     assert not arm.send(arm.goal(GOAL, 1.0)).accepted
 
 
-@needs_action
-@pytest.mark.parametrize('arm', [1, 2, 3], indirect=True)
-def test_goals_on_the_defaults_succeed_whatever_the_arm(arm: ActionBench) -> None:
-    for goal, seconds in ((GOAL, 1.0), (AWAY, 1.5), ([0.5, 1.2, 0.0, 0.4], 2.0)):
-        status, _, text = arm.result(arm.send(arm.goal(goal, seconds)))
-        assert status == GoalStatus.STATUS_SUCCEEDED, text
-        assert np.abs(arm.bench.q - goal).max() < 0.005
-
-
 @pytest.mark.skipif(HAS_ACTION, reason='control_msgs is installed')
 def test_missing_control_msgs_is_reported(tmp_path: Path, ros_node: Node) -> None:
     bench = ControllerBench(tmp_path, ros_node)

@@ -47,14 +47,3 @@ def test_values_are_counted_by_the_joints_that_are_named() -> None:
     wrong = message(['joint1', 'joint3'], [[0.1, 0.2]], [[0.1, 0.2, 0.3]])
     with pytest.raises(RejectedInputError, match='point 1 has 3 positions for 2 joints'):
         read_trajectory(LIMITS, wrong, 0.0, HERE)
-
-
-def test_velocities_are_required_at_every_point_or_at_none() -> None:
-    wrong = message(['joint1', 'joint3'], [[0.1, 0.2], [0.3, 0.4]], [[0.1, 0.2]])
-    with pytest.raises(RejectedInputError, match='point 1 has 0 velocities for 2 joints'):
-        read_trajectory(LIMITS, wrong, 0.0, HERE)
-
-
-def test_all_joints_are_named_where_none_may_stay() -> None:
-    with pytest.raises(RejectedInputError, match='do not match the arm'):
-        read_trajectory(LIMITS, message(['joint1'], [[0.1]]), 0.0)

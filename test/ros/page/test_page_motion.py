@@ -30,7 +30,7 @@ def test_a_posture_is_reached_at_no_more_than_the_speed_that_is_set(ros_node: No
         spin_once(ros_node, 0.1)
     trajectory, begin = read_trajectory(JointLimits.from_config(config), heard[-1], 1.0)
     assert begin is None
-    path = trajectory.path(start, 'quintic')
+    path = trajectory.path(start)
     times = np.linspace(0.0, trajectory.times[-1], 200)
     speed = np.array([np.abs(path.evaluate(t).dq) for t in times]).max(axis=0)
     share = speed / config.column('velocity_max')
@@ -43,4 +43,4 @@ def test_a_posture_is_reached_at_no_more_than_the_speed_that_is_set(ros_node: No
         assert time.monotonic() < deadline
         spin_once(ros_node, 0.1)
     trajectory, _ = read_trajectory(JointLimits.from_config(config), heard[-1], 1.0)
-    trajectory.path(start + [-0.01, 0.01, 0.01, 0.0], 'quintic')
+    trajectory.path(start + [-0.01, 0.01, 0.01, 0.0])

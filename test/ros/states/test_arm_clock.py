@@ -4,12 +4,10 @@ import time
 
 import pytest
 from quick_spinning import spin_once
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.states import arm_clock
 from aerarm_ros.ros.states.arm_clock import ArmClock
 
@@ -67,9 +65,3 @@ def test_a_past_time_is_converted_and_that_of_a_clock_that_was_set_is_now(
     for step in (SET, -SET):
         system.ahead = step
         assert arm_clock.monotonic_ns(published) == pytest.approx(time.monotonic_ns(), abs=SPREAD)
-
-
-def test_timers_of_nodes_are_steady(ros_node: Node) -> None:
-    timer = create_steady_timer(ros_node, 0.01, lambda: None)
-    assert timer.clock.clock_type == ClockType.STEADY_TIME
-    assert list(ros_node.timers) == [timer]

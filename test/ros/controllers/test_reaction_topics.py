@@ -1,27 +1,31 @@
-"""base_reaction publishes contact on the drone, or the reason why it does not."""
+"""Forecast of the arm's load and contact on the drone, which base_reaction publishes."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-import rclpy
+from controller_bench import NAMES
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.flight.arm_load import ArmLoadModel, at_drone_centre
+from aerarm_ros.motion.signals import ArmState, JointReference
 from aerarm_ros.nodes.base_reaction import BaseReactionNode
 from aerarm_ros.ros.executors import spin_until
+from aerarm_ros.ros.messages import vector
+from aerarm_ros.ros.states.state_stream import base_header
 
 LIMIT = 60.0  # [s] of the host
 DRONE = load_drone_config()
@@ -80,21 +84,6 @@ class HoveringDrone:
         return self.wrenches[-1].wrench.force.z if self.wrenches else np.nan
 
 
-@pytest.fixture
-def make(ros_domain: dict[str, str]) -> Iterator[Callable[..., BaseReactionNode]]:
-    with ExitStack() as stack:
-
-        def make(**parameters: object) -> BaseReactionNode:
-            given = [word for name, x in parameters.items() for word in ('-p', f'{name}:={x}')]
-            rclpy.init(args=['--ros-args', *given])
-            stack.callback(rclpy.shutdown)
-            node = BaseReactionNode()
-            stack.callback(node.close)
-            return node
-
-        yield make
-
-
 def service(node: BaseReactionNode, name: str) -> Trigger.Response:
     client = node.node.create_client(Trigger, f'base_reaction/{name}')
     future = client.call_async(Trigger.Request())
@@ -102,8 +91,10 @@ def service(node: BaseReactionNode, name: str) -> Trigger.Response:
     return future.result()
 
 
-def test_a_push_is_published_and_missing_inputs_are_named(make) -> None:
-    node = make(drone_file=str(resource('config', 'drone.yaml')), contact_bandwidth=5.0)
+def test_a_push_is_published_and_missing_inputs_are_named(make_node) -> None:
+    node = make_node(
+        BaseReactionNode, drone_file=str(resource('config', 'drone.yaml')), contact_bandwidth=5.0
+    )
     drone = HoveringDrone(node)
     assert node.describe()['contact'] == 'no joint states yet'
     drone.until(lambda: node.state is not None, speaks=False)
@@ -145,8 +136,8 @@ def test_a_push_is_published_and_missing_inputs_are_named(make) -> None:
     assert node.warning().startswith('contact_wrench: no good odometry for')
 
 
-def test_without_drone_file_no_wrench_is_published(make) -> None:
-    node = make()
+def test_without_drone_file_no_wrench_is_published(make_node) -> None:
+    node = make_node(BaseReactionNode)
     drone = HoveringDrone(node)
     for _ in range(50):
         drone.step()
@@ -156,9 +147,9 @@ def test_without_drone_file_no_wrench_is_published(make) -> None:
 
 
 def test_nothing_is_published_before_the_joints_are_homed(
-    make, monkeypatch: pytest.MonkeyPatch
+    make_node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    node = make(drone_file=str(resource('config', 'drone.yaml')))
+    node = make_node(BaseReactionNode, drone_file=str(resource('config', 'drone.yaml')))
     published: list[object] = []
     monkeypatch.setattr(node.answers, 'publish', lambda _, message: published.append(message))
     still = np.zeros(4)
@@ -168,3 +159,91 @@ def test_nothing_is_published_before_the_joints_are_homed(
     node.answer(10**9 + 10**7, ArmState(np.array(HANGING), still, still))
     assert published
     assert 'home the arm' not in node.warning()
+
+
+LEAD = 0.03
+MODEL = ArmLoadModel(load_robot(gravity_in_base=DRONE.gravity_in_base))
+AMPLITUDE, W = np.array([0.5, 0.8, 0.6, 0.7]), 2.0 * np.pi * np.array([0.5, 0.6, 0.75, 0.9])
+
+
+def swing(time: float) -> JointReference:
+    s, c = np.sin(W * time), np.cos(W * time)
+    return JointReference(AMPLITUDE * s, AMPLITUDE * W * c, -AMPLITUDE * W**2 * s)
+
+
+class SwingingArm:
+    """A swinging arm whose states and plan a node receives, and the node's messages."""
+
+    def __init__(self, node: BaseReactionNode) -> None:
+        self.node, self.heard, self.now_ns = node, {}, 10**9
+        node._loads._publish = lambda publisher, message: self.heard.update(
+            {publisher.topic_name.strip('/'): message}
+        )
+
+    def answer(self, stamp_ns: int) -> None:
+        self.now_ns, now = stamp_ns, 1e-9 * stamp_ns
+        plan = JointTrajectory(header=base_header(stamp_ns, ''), joint_names=NAMES)
+        for time_ns in range(0, 100_000_001, 20_000_000):
+            q, dq, ddq = map(np.ndarray.tolist, swing(now + 1e-9 * time_ns))
+            point = JointTrajectoryPoint(positions=q, velocities=dq, accelerations=ddq)
+            point.time_from_start.nanosec = time_ns
+            plan.points.append(point)
+        self.node._loads.take_plan(plan, now)
+        motion = swing(now)
+        self.node.answer(stamp_ns, ArmState(motion.q, motion.dq, np.zeros(4)))
+
+    @property
+    def about_ns(self) -> int:
+        stamp = self.heard['base_wrench_motion'].header.stamp
+        return stamp.sec * 10**9 + stamp.nanosec
+
+    @property
+    def motion(self) -> float:
+        """Return the largest component of the motion's effect on the drone."""
+        force = vector(self.heard['base_wrench_motion'].wrench.force)
+        spin = vector(self.heard['feedforward_acceleration'].accel.angular)
+        return float(np.abs([force, spin]).max())
+
+
+def test_the_forecast_is_published_in_advance_and_fades_at_the_end(make_node) -> None:
+    arm = SwingingArm(
+        make_node(
+            BaseReactionNode,
+            drone_file=resource('config', 'drone.yaml'),
+            lead=LEAD,
+            load_rate=500.0,
+            acceleration_at='centre',
+        )
+    )
+    for step in range(300):
+        arm.answer(10**9 + 5_000_000 * step)
+        planned = MODEL.evaluate(swing(1e-9 * arm.now_ns + LEAD))
+        if step > 200:  # the node has received the plan for long enough
+            assert arm.about_ns == arm.now_ns + round(1e9 * LEAD)
+            force = vector(arm.heard['base_wrench_motion'].wrench.force)
+            assert np.linalg.norm(force - planned.motion[:3]) < 0.02
+    assert np.linalg.norm(planned.motion[:3]) > 0.1
+    told = arm.heard['feedforward_acceleration']
+    assert told.header.frame_id == 'drone'
+    wanted = at_drone_centre(planned.acceleration(DRONE), DRONE)
+    both = np.concatenate([vector(told.accel.linear), vector(told.accel.angular)])
+    np.testing.assert_allclose(both, wanted, atol=0.02 * np.abs(wanted).max())
+    inertia = arm.heard['arm_inertia'].inertia
+    np.testing.assert_allclose(vector(inertia.com), planned.com, atol=1e-4)
+    np.testing.assert_allclose(vector(arm.heard['arm_com'].point), vector(inertia.com))
+    weight = vector(arm.heard['base_wrench_weight'].wrench.force)
+    np.testing.assert_allclose(weight, inertia.m * np.array(DRONE.gravity_in_base), rtol=1e-9)
+    # The states end in the middle of a motion.
+    sizes = [arm.motion]
+    while (pause := arm.node._loads.fade()) is not None:
+        sizes.append(arm.motion)
+        time.sleep(pause)
+    assert np.all(np.diff(sizes) <= 1e-9)
+    assert len(sizes) > 3
+    assert sizes[-1] == 0.0
+    # A state that was held up on its way is no news: time never goes back.
+    ended_ns = arm.about_ns
+    arm.answer(arm.now_ns + 1_000_000)
+    assert (arm.about_ns, arm.motion) == (ended_ns, 0.0)
+    arm.answer(ended_ns)
+    assert arm.motion > 0.0

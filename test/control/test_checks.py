@@ -1,16 +1,13 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.control.checks import RejectedInputError
-
-
-def test_come_from_the_configuration(limits, config) -> None:
-    assert limits.names == config.joint_names
-    np.testing.assert_array_equal(limits.position_max, config.column('position_max'))
-
-
-def test_order_finds_joints_by_name(limits) -> None:
-    assert limits.order(['joint2', 'joint1', 'joint4', 'joint3']) == [1, 0, 3, 2]
+from aerarm_ros.control.checks import (
+    RejectedInputError,
+    finite,
+    non_negative,
+    non_negative_number,
+    positive,
+)
 
 
 @pytest.mark.parametrize(
@@ -19,12 +16,6 @@ def test_order_finds_joints_by_name(limits) -> None:
 def test_other_names_are_rejected(limits, names) -> None:
     with pytest.raises(RejectedInputError, match='name each of'):
         limits.order(names)
-
-
-def test_the_limits_themselves_are_allowed(limits) -> None:
-    limits.check_position('posture', limits.position_min)
-    limits.check_position('postures', np.array([limits.position_min, limits.position_max]))
-    limits.check_velocity('velocity', -limits.velocity_max)
 
 
 def test_the_joint_outside_is_named(limits) -> None:
@@ -50,3 +41,29 @@ def test_can_be_widened_to_a_posture(limits) -> None:
     limits.including(beyond).check_position('posture', beyond)
     with pytest.raises(RejectedInputError):
         limits.check_position('posture', beyond)
+
+
+def test_one_value_counts_for_all_joints_and_the_array_is_private() -> None:
+    given = np.array([1.0, 2.0])
+    gains = non_negative('kp', given, 2)
+    given[0] = 9.0
+    np.testing.assert_array_equal(gains, [1.0, 2.0])
+    np.testing.assert_array_equal(non_negative('kp', 3.0, 2), [3.0, 3.0])
+    np.testing.assert_array_equal(finite('rest', [-1.0, 0.0], 2), [-1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ('check', 'message'),
+    [
+        (lambda: non_negative('kp', [1.0, 2.0, 3.0], 2), 'kp has 3 values, 2 are needed'),
+        (lambda: non_negative('kp', [1.0, -2.0], 2), 'kp = .* must not be negative'),
+        (lambda: non_negative('kp', [1.0, np.inf], 2), 'kp = .* must be finite'),
+        (lambda: finite('rest', [0.0, np.nan], 2), 'rest = .* must be finite'),
+        (lambda: non_negative_number('latency', -1.0), 'latency = .* must not be negative'),
+        (lambda: positive('width', 0.0), 'width = 0.0 must be positive'),
+        (lambda: positive('width', np.nan), 'width = nan must be positive'),
+    ],
+)
+def test_the_error_names_the_invalid_gain(check, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        check()

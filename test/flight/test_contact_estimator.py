@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from flown_arm import HANGING, ROBOT, Flight
 
@@ -10,7 +11,12 @@ from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.flight.contact_estimator import ContactEstimator, ContactObserver
+from aerarm_ros.flight.contact_estimator import (
+    DURATION,
+    ContactEstimator,
+    ContactObserver,
+    ContactZero,
+)
 from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
@@ -190,3 +196,36 @@ def test_invalid_samples_are_rejected(estimator: ContactEstimator) -> None:
     assert estimator.update() is None
     with pytest.raises(ValueError, match='contact_bandwidth'):
         ContactObserver(DRONE, WholeBodyDynamics(ROBOT), 0.0)
+
+
+PLACE = np.array([0.02, -0.01, -0.06])  # of 0.3 kg that nobody knows of, in base axes
+UPSIDE_DOWN = pin.rpy.rpyToMatrix(np.pi, 0.0, 0.0)
+
+
+def felt(force: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    in_base = force @ rotation
+    return np.concatenate([in_base, np.cross(PLACE, in_base)])
+
+
+def test_an_unknown_weight_is_subtracted_once_it_is_averaged() -> None:
+    zero, weight = ContactZero(), np.array([0.0, 0.0, -2.9])
+    wrench = felt(weight, UPSIDE_DOWN)
+    np.testing.assert_allclose(zero.apply(wrench, UPSIDE_DOWN, STEP), wrench)
+    zero.begin()
+    random = np.random.default_rng(1)
+    for _ in range(int(DURATION / STEP) - 1):
+        noisy = wrench + random.normal(scale=0.05, size=6)
+        np.testing.assert_allclose(zero.apply(noisy, UPSIDE_DOWN, STEP), noisy)
+    for _ in range(3):
+        left = zero.apply(wrench, UPSIDE_DOWN, STEP)
+    np.testing.assert_allclose(left, 0.0, atol=0.01)
+    # It turns and leans, and is pushed.
+    turned = pin.rpy.rpyToMatrix(0.1, -0.1, 1.0) @ UPSIDE_DOWN
+    push = np.array([1.0, 2.0, -0.5])
+    left = zero.apply(felt(weight + push, turned), turned, STEP)
+    np.testing.assert_allclose(turned @ left[:3], push, atol=0.01)
+    # Begun anew, it forgets what it was.
+    zero.begin()
+    for _ in range(int(DURATION / STEP) + 2):
+        left = zero.apply(np.zeros(6), UPSIDE_DOWN, STEP)
+    np.testing.assert_allclose(left, 0.0, atol=1e-9)
