@@ -13,14 +13,14 @@ import numpy as np
 import yaml
 from flying.flight_program import FlightProgram
 from flying.flight_way import DRONES, height_frequency, load_drone
+from flying.px4_loops import Px4Flight
+from flying.rejection import DisturbanceObserver, IncrementalEstimate, RejectingFlight
 from flying.rigid_flight import RigidFlight
 from scipy.optimize import minimize
 
 from aerarm_ros.autopilot.px4 import Px4Gains
-from aerarm_ros.autopilot.px4_loops import Px4Flight
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward
-from aerarm_ros.flight.disturbances import Disturbance, DisturbanceObserver, IncrementalEstimate
 from aerarm_ros.flight.flight_control import FlightControl, FlightGains
 
 LEAD = 0.028  # [s]
@@ -45,14 +45,12 @@ def control(kind: str, drone: DroneConfig, flight: RigidFlight, values: np.ndarr
         return Px4Flight(drone, flight.body, px4, holds_heading=False), arm
     height = height_frequency(drone, position)
     gains = FlightGains(position, height, attitude)
-    share = third if kind in INTEGRALS else 0.0
-    gains = replace(gains, position_integral=share, attitude_integral=share)
-    estimate: Disturbance | None = None
     if kind == 'observer':
-        estimate = DisturbanceObserver(third)
-    elif kind == 'indi':
-        estimate = IncrementalEstimate(drone, third)
-    return FlightControl(drone, flight.body, gains, estimate), arm
+        return RejectingFlight(drone, flight.body, gains, DisturbanceObserver(third)), arm
+    if kind == 'indi':
+        return RejectingFlight(drone, flight.body, gains, IncrementalEstimate(drone, third)), arm
+    gains = replace(gains, position_integral=third, attitude_integral=third)
+    return FlightControl(drone, flight.body, gains), arm
 
 
 def tune(kind: str, drone: DroneConfig, flight: RigidFlight, flights: int) -> dict[str, object]:

@@ -252,10 +252,6 @@ class FirmwareFlight:
         """Whether the firmware is still starting; call `settle` instead of `update` then."""
         return self._held is not None and not self._firmware.is_flying
 
-    def reset(self) -> None:
-        """Reset the integral of the position loop."""
-        self._set_points.reset()
-
     def settle(self) -> None:
         """Advance the firmware's time with the drone held at its last position."""
         if self._held is None:

@@ -8,7 +8,6 @@ import numpy.typing as npt
 from aerarm_ros.control.checks import non_negative_number, positive
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
-from aerarm_ros.flight.disturbances import Disturbance
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.motion.signals import Array, limited
@@ -142,38 +141,9 @@ class FlightGains:
         return np.array([self.position_frequency, self.position_frequency, self.height_frequency])
 
 
-class RotorEstimate:
-    """Estimate of the rotors' thrusts: each follows its command with a first-order lag."""
-
-    def __init__(self, drone: DroneConfig) -> None:
-        self._allocation = drone.allocation
-        self._time_constant = drone.column('time_constant')
-        self._command: Array | None = None
-        self._thrust = np.zeros(drone.n)
-
-    def reset(self) -> None:
-        """Reset the thrusts."""
-        self._command = None
-
-    def command(self, thrust: Array) -> None:
-        """Set the commanded thrusts (n,) [N]; the first command acts without lag."""
-        if self._command is None:
-            self._thrust = thrust
-        self._command = thrust
-
-    def advance(self, dt: float) -> Array:
-        """Return the rotors' mean wrench (6,) over the next `dt` [s], about the body's origin."""
-        if self._command is None:
-            return np.asarray(self._allocation @ self._thrust)
-        before = self._thrust
-        gain = 1.0 - np.exp(-dt / self._time_constant)
-        self._thrust = before + gain * (self._command - before)
-        return np.asarray(self._allocation @ (0.5 * (before + self._thrust)))
-
-
 _UP = np.array([0.0, 0.0, 1.0])
 _SIDEWAYS = np.array([1.0, 1.0, 0.0])
-# Limits of integrals and estimates: an acceleration [m/s^2], and a moment over the weight [m],
+# Limits of integrals: an acceleration [m/s^2], and a moment over the weight [m],
 # which is the largest sideways shift of the centre of mass by the arm.
 _CORRECTION = 4.0
 _CORRECTION_LEVER = 0.2
@@ -202,17 +172,14 @@ class FlightControl:
 
     `e_R` is the attitude's error on SO(3) (Lee, Leok and McClamroch, CDC 2010). A drone with rotors
     in one plane turns its z axis along the force. `e_w` and `a_R` follow from the rate of the
-    planned force and of the heading. A fully actuated drone stays level. `d` and `d_R` are the
-    force and moment that a `Disturbance` estimates. If the rotors cannot give the moment about the
-    vertical, only the heading error grows. The stiffness of the heading is limited by the rotors'
-    moment.
+    planned force and of the heading. A fully actuated drone stays level. If the rotors cannot give
+    the moment about the vertical, only the heading error grows. The stiffness of the heading is
+    limited by the rotors' moment.
 
     Parameters
     ----------
     body : MassProperties
         Default mass properties of drone and arm.
-    disturbance : Disturbance, optional
-        Estimator whose estimate is compensated.
 
     Attributes
     ----------
@@ -223,17 +190,11 @@ class FlightControl:
     problem = ''
 
     def __init__(
-        self,
-        drone: DroneConfig,
-        body: MassProperties,
-        gains: FlightGains | None = None,
-        disturbance: Disturbance | None = None,
+        self, drone: DroneConfig, body: MassProperties, gains: FlightGains | None = None
     ) -> None:
         self._at_rest = FeedForward.at_rest(body)
         self._gains = gains = FlightGains() if gains is None else gains
         self._allocation = Allocation(drone)
-        self._rotors = RotorEstimate(drone)
-        self._disturbance = disturbance
         self._is_full = drone.is_fully_actuated
         self._position_gains = _pid(
             gains.position_frequencies, gains.position_damping, gains.position_integral
@@ -247,16 +208,8 @@ class FlightControl:
         )
         self._moment_max = _CORRECTION_LEVER * body.mass * GRAVITY
         self._yaw_max = _YAW_LEVER * body.mass * GRAVITY
-        self.reset()
-
-    def reset(self) -> None:
-        """Reset integrals and estimates."""
         self._push = np.zeros(3)
         self._moment = np.zeros(3)
-        self._felt = np.zeros(6)
-        self._rotors.reset()
-        if self._disturbance is not None:
-            self._disturbance.reset()
 
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
@@ -267,7 +220,6 @@ class FlightControl:
         # The arm turns with the body, so use the measured heading.
         level = _attitude(_UP, heading)
         yaw = heading + min(max(_turned(target.yaw - heading), -_YAW_STEP), _YAW_STEP)
-        self._estimate(state, arm, dt)
         feedback = self._wanted_acceleration(state, target, body, level, dt)
         now = self._bounded(body.mass * feedback - level @ arm.wrench_now[:3], body.mass)
         ahead = self._bounded(body.mass * feedback - level @ arm.wrench[:3], body.mass)
@@ -284,17 +236,7 @@ class FlightControl:
         """Return thrusts (n,) [N] for a level descent, used if the position is unknown."""
         force = _SINK * self._at_rest.body.mass * GRAVITY * _UP
         wanted = _attitude(_UP, yaw_of(state.rotation))
-        self._felt = np.zeros(6)
         return self._thrusts(state, self._at_rest, force, wanted, np.zeros((2, 3)), dt)
-
-    def _estimate(self, state: FlightState, arm: FeedForward, dt: float) -> None:
-        """Update the estimate of the unmodelled wrench from the drone's motion."""
-        wrench = self._rotors.advance(dt)
-        if self._disturbance is None:
-            return
-        felt = self._disturbance.update(state, arm.body, wrench + arm.wrench_now, dt)
-        force = limited(felt[:3], _CORRECTION * arm.body.mass)
-        self._felt = np.concatenate([force, limited(felt[3:], self._moment_max)])
 
     def _wanted_acceleration(
         self,
@@ -315,7 +257,7 @@ class FlightControl:
         self._push = limited(self._push + ki * dt * error, _CORRECTION)
         feedback = kp * error + kd * (target.velocity + moving - velocity) + self._push
         swung = cross(turn, moving)
-        return target.acceleration + swung + feedback - self._felt[:3] / body.mass
+        return target.acceleration + swung + feedback
 
     def _bounded(self, force: Array, mass: float) -> Array:
         """Return a force plus the weight [N], limited in its tilt and with a least lift."""
@@ -349,7 +291,7 @@ class FlightControl:
         moment = inertia @ (spin + kp * error + kd * (rate - state.rate))
         moment = moment + cross(state.rate, inertia @ state.rate)
         about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
-        moment = moment + self._moment - about_centre - self._felt[3:]
+        moment = moment + self._moment - about_centre
         in_body = rotation.T @ force
         if not self._is_full:
             in_body = in_body * _UP
@@ -360,7 +302,6 @@ class FlightControl:
             # A missing yaw moment must not cause a tilt.
             wrench[3:5] += missing * inertia[:2, 2]
             thrusts = self._allocation.thrusts(wrench)
-        self._rotors.command(thrusts)
         return thrusts
 
 

@@ -60,14 +60,24 @@ class FlightControlNode:
     Without odometry and IMU the node sends no command, so the rotors stop. After a permanent jump
     of the odometry the drone hovers at its present position, because older set points refer to the
     frame before the jump.
+
+    Attributes
+    ----------
+    parameters
+        Parameters of the node.
+    make_law
+        Function that returns the control law for parameters, drone and mass properties.
     """
+
+    parameters = PARAMETERS
+    make_law = staticmethod(flight_control)
 
     def __init__(self) -> None:
         self.status = 0
         self.node = rclpy.create_node(NAME)
-        self.values = values = PARAMETERS.declare(self.node, self._on_parameter)
+        self.values = values = self.parameters.declare(self.node, self._on_parameter)
         config, drone, body = load_flown_drone(values)
-        self._law = flight_control(values, drone, body)
+        self._law = self.make_law(values, drone, body)
         self._arm = arm_feed_forward(values, drone, body)
         self._estimator = FlightEstimator(drone)
         self._thrust_max = drone.column('thrust_max')

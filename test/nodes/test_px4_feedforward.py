@@ -6,11 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from aerarm_ros.autopilot.px4 import Px4Gains
-from aerarm_ros.autopilot.px4_loops import Px4Loops, Px4SetPoint, Px4State
 from aerarm_ros.nodes import px4_feedforward
 
-ZERO = np.zeros(3)
 OPEN = np.full(3, np.nan, dtype=np.float32)
 
 
@@ -59,19 +56,6 @@ def test_the_offboard_mode_is_that_of_the_first_set_point_that_is_given() -> Non
     assert px4_feedforward.controlled_quantity(before) == 'velocity'
     before.velocity = OPEN
     assert px4_feedforward.controlled_quantity(before) == 'acceleration'
-
-
-def test_px4_pushes_to_where_it_points() -> None:
-    # To the east in ROS's world: a PX4 that looks north rolls to the right.
-    sent = px4_feedforward.add_acceleration(set_point(OPEN), np.array([1.5, 0.0, 0.0]), 0)
-    wanted = Px4SetPoint(
-        sent.position.astype(float), 0.0, sent.velocity.astype(float),
-        sent.acceleration.astype(float),
-    )  # fmt: skip
-    here = Px4State(wanted.position, ZERO, np.eye(3), ZERO)
-    _, moment = Px4Loops(Px4Gains(), 0.4).update(here, wanted, 0.004)
-    assert moment[0] > 0.01
-    assert moment[1] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.skipif(find_spec('px4_msgs') is not None, reason='px4_msgs is installed')

@@ -20,20 +20,16 @@ from aerarm_ros.autopilot.px4_link import (
     CompanionLink,
     SimulatorLink,
 )
-from aerarm_ros.autopilot.px4_loops import Px4Flight
 from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
 from aerarm_ros.autopilot.px4_setup import SENSORS, VISION, Px4Setup
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
-from aerarm_ros.flight.disturbances import Disturbance, DisturbanceObserver, IncrementalEstimate
 from aerarm_ros.flight.flight_control import FlightControl, FlightGains
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
-OWN, PX4, PX4_SITL, BETAFLIGHT = 'own', 'px4', 'px4_sitl', 'betaflight'
-ARDUPILOT_SITL = 'ardupilot_sitl'
-FlightLaw = FlightControl | Px4Flight | FirmwareFlight | BetaflightFlight
-INTEGRAL, OBSERVER, INDI = 'integral', 'observer', 'indi'
+OWN, PX4_SITL, ARDUPILOT_SITL, BETAFLIGHT = 'own', 'px4_sitl', 'ardupilot_sitl', 'betaflight'
+FlightLaw = FlightControl | FirmwareFlight | BetaflightFlight
 
 _GAINS = FlightGains()
 FLIGHT_PARAMETERS = (
@@ -69,27 +65,13 @@ FLIGHT_PARAMETERS = (
             'speed_max', _GAINS.speed_max, 'largest velocity towards a set point', 'm/s', 0.01, 20
         ),
         Parameter('tilt_max', _GAINS.tilt_max, 'largest commanded tilt', 'rad', 0.05, 1.2),
-        Parameter(
-            'rejection', INTEGRAL, (
-                'estimator of unmodelled forces: integral action, a momentum observer of the '
-                'drone, or accelerations of the IMU (INDI)'
-            ),
-            choices=(INTEGRAL, OBSERVER, INDI),
-        ),
-        Parameter(
-            'observer_frequency', 8.0,
-                "bandwidth of the momentum observer ('observer') or of the filter of 'indi'",
-                'rad/s', 0.1,
-            200.0,
-        ),
     ),
     *grouped(
         'Control loops of PX4',
         Parameter(
-            'loops', OWN, 'control loops of the drone. own: those of this node; px4: an '
-                          "imitation of PX4's loops; px4_sitl, ardupilot_sitl, betaflight: the "
-                          'firmware as a program on this computer',
-            choices=(OWN, PX4, PX4_SITL, ARDUPILOT_SITL, BETAFLIGHT),
+            'loops', OWN, 'control loops of the drone. own: those of this node; px4_sitl, '
+                          'ardupilot_sitl, betaflight: the firmware as a program on this computer',
+            choices=(OWN, PX4_SITL, ARDUPILOT_SITL, BETAFLIGHT),
         ),
         Parameter(
             'autopilot_instance', 0, 'instance number of the PX4 program (its option -i) or of the '
@@ -158,53 +140,38 @@ FLIGHT_PARAMETERS = (
 )  # fmt: skip
 
 
+def flight_gains(values: SimpleNamespace) -> FlightGains:
+    """Return the gains of the position and attitude loops."""
+    return FlightGains(**{name: getattr(values, name) for name in vars(_GAINS)})
+
+
 def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProperties) -> FlightLaw:
     """Return the flight controller of drone and arm for the values of `FLIGHT_PARAMETERS`.
 
     Raises
     ------
     ValueError
-        If PX4's loops cannot fly the drone (tilted rotors), Betaflight has no mixer for it, or a
-        port is in use.
+        If the firmware cannot fly the drone, or a port is in use.
     """
-    gains = {name: getattr(values, name) for name in vars(_GAINS)}
-    if values.loops in (PX4, PX4_SITL):
-        names = ('mpc_xy_p', 'mc_att_p', 'mc_rate_k', 'mc_yawrate_p', 'mc_yaw_tq_cutoff')
-        px4 = Px4Gains.scaled(*(getattr(values, name) for name in names))
-        if values.loops == PX4_SITL:
-            return _px4_firmware(values, drone, body, px4, FlightGains(**gains))
-        if drone.is_fully_actuated:
-            raise ValueError(
-                "loops 'px4' tilt the drone to accelerate sideways, but this drone's "
-                'tilted rotors accelerate it without tilt: choose other loops'
-            )
-        return Px4Flight(drone, body, px4, values.tilt_ahead, values.hold_heading)
+    if values.loops == PX4_SITL:
+        return _px4_firmware(values, drone, body)
     if values.loops == ARDUPILOT_SITL:
         return _ardupilot_firmware(values, drone, body)
     if values.loops == BETAFLIGHT:
-        return BetaflightFlight(drone, body, BetaflightLink(), FlightGains(**gains))
-    estimate: Disturbance | None = None
-    if values.rejection != INTEGRAL:
-        gains.update(position_integral=0.0, attitude_integral=0.0)
-    if values.rejection == OBSERVER:
-        estimate = DisturbanceObserver(values.observer_frequency)
-    elif values.rejection == INDI:
-        estimate = IncrementalEstimate(drone, values.observer_frequency)
-    return FlightControl(drone, body, FlightGains(**gains), estimate)
+        return BetaflightFlight(drone, body, BetaflightLink(), flight_gains(values))
+    return FlightControl(drone, body, flight_gains(values))
 
 
 def _px4_firmware(
-    values: SimpleNamespace,
-    drone: DroneConfig,
-    body: MassProperties,
-    px4: Px4Gains,
-    gains: FlightGains,
+    values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> FirmwareFlight:
+    names = ('mpc_xy_p', 'mc_att_p', 'mc_rate_k', 'mc_yawrate_p', 'mc_yaw_tq_cutoff')
+    px4 = Px4Gains.scaled(*(getattr(values, name) for name in names))
     setup, number = Px4Setup(px4, values.autopilot_sensors), values.autopilot_instance
     simulator = SimulatorLink(SIMULATOR_PORT + number)
     companion = CompanionLink(COMPANION_PORT + number, OFFBOARD_PORT + number)
     acceleration = tilt_ahead(px4, drone) if values.tilt_ahead else None
-    set_points = Px4SetPoints(drone, gains, acceleration, values.hold_heading)
+    set_points = Px4SetPoints(drone, flight_gains(values), acceleration, values.hold_heading)
     return FirmwareFlight(drone, body, Px4Firmware(simulator, companion, setup), set_points)
 
 

@@ -78,6 +78,8 @@ class NodeProcess:
         File for standard output and error; the child inherits both streams if None.
     """
 
+    program: tuple[str, ...] = ('-m', 'aerarm_ros.executables')
+
     def __init__(
         self,
         name: str,
@@ -87,7 +89,7 @@ class NodeProcess:
         log: Path | None = None,
     ) -> None:
         self.name = name
-        command = [sys.executable, '-m', 'aerarm_ros.executables', name, *arguments]
+        command = [sys.executable, *self.program, name, *arguments]
         command += parameter_arguments(parameters or {})
         self.log = log
         self._stream: IO[bytes] | None = log.open('wb') if log else None

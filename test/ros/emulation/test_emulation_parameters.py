@@ -35,21 +35,13 @@ def test_gears_have_the_requested_backlash() -> None:
         mount_on_base(transport, ROBOT, next(iter(BASE_PROFILES.values())))
 
 
-def test_gears_have_no_backlash_by_default() -> None:
+def test_backlash_for_some_joints_and_wear_without_backlash_are_refused() -> None:
     assert made([], 0.0).backlash is None
-
-
-def test_some_joints_alone_are_refused() -> None:
-    with pytest.raises(ValueError, match='values: set one value, or one for each of the 4 joints'):
-        made([0.02, 0.01], 0.0)
-
-
-def test_play_that_is_not_there_cannot_wear() -> None:
-    with pytest.raises(ValueError, match='set backlash'):
-        made([], 1e-3)
+    for backlash, wear, reason in (([0.02, 0.01], 0.0, 'one for each'), ([], 1e-3, 'set backlash')):
+        with pytest.raises(ValueError, match=reason):
+            made(backlash, wear)
 
 
 def test_stribeck_friction_is_that_of_the_parameters() -> None:
     parameters = made([], 0.0, (0.5, 0.03))
     assert (parameters.stribeck, parameters.stribeck_velocity) == (0.5, 0.03)
-    assert parameters.as_dict()['stribeck'] == 0.5

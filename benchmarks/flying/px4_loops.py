@@ -90,10 +90,6 @@ class Px4Loops:
         self._rate_p = np.array([*[g.mc_rate_k * g.mc_rate_p] * 2, g.mc_yawrate_p])
         self._rate_i = np.array([*[g.mc_rate_k * g.mc_rate_i] * 2, g.mc_yawrate_i])
         self._rate_d = np.array([*[g.mc_rate_k * g.mc_rate_d] * 2, 0.0])
-        self.reset()
-
-    def reset(self) -> None:
-        """Reset the integrals and derivatives of all loops."""
         self._push, self._moment = np.zeros(3), np.zeros(3)
         self._velocity: Array | None = None
         self._rate: Array | None = None
@@ -230,10 +226,6 @@ class Px4Flight:
         self._body = body
         self._loops = Px4Loops(gains, body.mass * GRAVITY / self._thrust_max)
         self._acceleration = tilt_ahead(gains, drone) if knows_loops else SetPointAcceleration()
-
-    def reset(self) -> None:
-        """Reset the integrals and derivatives of all loops."""
-        self._loops.reset()
 
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None

@@ -1,22 +1,21 @@
 """Estimators of unmodelled forces on the drone: by an observer, or incrementally (INDI)."""
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from aerarm_ros.control.checks import positive
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
-from aerarm_ros.flight.arm_load import MassProperties
-from aerarm_ros.flight.flight_state import FlightState
+from aerarm_ros.flight.arm_load import FeedForward, MassProperties
+from aerarm_ros.flight.flight_control import FlightControl, FlightGains
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.model.inertia import cross
-from aerarm_ros.motion.signals import Array
+from aerarm_ros.motion.signals import Array, limited
 
 
 class Disturbance(Protocol):
     """Interface of an estimator of the unmodelled wrench on drone and arm."""
-
-    def reset(self) -> None:
-        """Reset the estimator."""
 
     def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
         """Return the unmodelled wrench (6,): force in the world, moment in body axes.
@@ -50,10 +49,6 @@ class DisturbanceObserver:
 
     def __init__(self, frequency: float) -> None:
         self._gain = positive('observer_frequency', frequency)
-        self.reset()
-
-    def reset(self) -> None:
-        """Reset the estimator."""
         self._expected: Array | None = None
         self._estimate = np.zeros(6)
 
@@ -93,10 +88,6 @@ class IncrementalEstimate:
     def __init__(self, drone: DroneConfig, frequency: float) -> None:
         self._imu = np.array(drone.imu.position)
         self._frequency = positive('observer_frequency', frequency)
-        self.reset()
-
-    def reset(self) -> None:
-        """Reset the estimator."""
         self._rate: Array | None = None
         self._once = self._twice = np.zeros(6)
 
@@ -122,3 +113,71 @@ class IncrementalEstimate:
         self._once = self._once + gain * (disturbance - self._once)
         self._twice = self._twice + gain * (self._once - self._twice)
         return self._twice
+
+
+class RotorEstimate:
+    """Estimate of the rotors' thrusts: each follows its command with a first-order lag."""
+
+    def __init__(self, drone: DroneConfig) -> None:
+        self._allocation = drone.allocation
+        self._time_constant = drone.column('time_constant')
+        self._command: Array | None = None
+        self._thrust = np.zeros(drone.n)
+
+    def command(self, thrust: Array) -> None:
+        """Set the commanded thrusts (n,) [N]; the first command acts without lag."""
+        if self._command is None:
+            self._thrust = thrust
+        self._command = thrust
+
+    def advance(self, dt: float) -> Array:
+        """Return the rotors' mean wrench (6,) over the next `dt` [s], about the body's origin."""
+        if self._command is None:
+            return np.asarray(self._allocation @ self._thrust)
+        before = self._thrust
+        gain = 1.0 - np.exp(-dt / self._time_constant)
+        self._thrust = before + gain * (self._command - before)
+        return np.asarray(self._allocation @ (0.5 * (before + self._thrust)))
+
+
+_FORCE_MAX, _LEVER_MAX = 4.0, 0.2  # largest estimate: [m/s^2], and moment over the weight [m]
+
+
+class RejectingFlight:
+    """`FlightControl` whose integral action is replaced by an estimate of the unmodelled wrench.
+
+    The controller compensates the estimated force by the target's acceleration, and the estimated
+    moment as a moment of the arm's motion.
+    """
+
+    def __init__(
+        self, drone: DroneConfig, body: MassProperties, gains: FlightGains, estimate: Disturbance
+    ) -> None:
+        no_integral = replace(gains, position_integral=0.0, attitude_integral=0.0)
+        self._control = FlightControl(drone, body, no_integral)
+        self._estimate, self._rotors = estimate, RotorEstimate(drone)
+        self._at_rest = FeedForward.at_rest(body)
+        self._moment_max = _LEVER_MAX * body.mass * GRAVITY
+        self.problem = self._control.problem
+
+    def update(
+        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
+    ) -> Array:
+        """Return the rotors' thrusts (n,) [N], see `FlightControl.update`."""
+        arm = self._at_rest if arm is None else arm
+        known = self._rotors.advance(dt) + arm.wrench_now
+        found = self._estimate.update(state, arm.body, known, dt)
+        force = limited(found[:3], _FORCE_MAX * arm.body.mass)
+        target = target._replace(acceleration=target.acceleration - force / arm.body.mass)
+        moment = np.concatenate([np.zeros(3), limited(found[3:], self._moment_max)])
+        arm = arm._replace(wrench=arm.wrench + moment)
+        return self._sent(self._control.update(state, target, dt, arm))
+
+    def level(self, state: FlightState, dt: float) -> Array:
+        """Return thrusts (n,) [N] for a level descent, used if the position is unknown."""
+        self._rotors.advance(dt)
+        return self._sent(self._control.level(state, dt))
+
+    def _sent(self, thrusts: Array) -> Array:
+        self._rotors.command(thrusts)
+        return thrusts
