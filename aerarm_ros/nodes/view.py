@@ -26,7 +26,6 @@ from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.page.page_programs import PagePrograms
 from aerarm_ros.ros.page.page_server import PageGuard, is_loopback
-from aerarm_ros.ros.page.view_commissioning import PageCommissioning
 from aerarm_ros.ros.page.view_controls import PageMotion, PageRequests
 from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
 from aerarm_ros.ros.page.view_plots import ViewFeed
@@ -135,7 +134,6 @@ class View:
 
     def close(self) -> None:
         """End the programs that the page started, stop the server and destroy the node."""
-        self._commissioning.end()
         self._programs.close()
         with redirect_stdout(StringIO()):
             self._server.stop()
@@ -145,7 +143,6 @@ class View:
     def _serve(self, robot: Robot, base: str) -> None:
         try:
             from aerarm_ros.ros.page.page_server import PageError, serve_page
-            from aerarm_ros.ros.page.view_commissioning import ViewCommissioning
             from aerarm_ros.ros.page.view_controls import ViewControls
             from aerarm_ros.ros.page.view_panel import ViewPanel
             from aerarm_ros.ros.page.view_plots import ViewPlots
@@ -171,16 +168,6 @@ class View:
         limits = self._limits['position']
         self._controls = ViewControls(
             self._server, self._panel, self._motion, self._programs, self._names, limits
-        )
-        self._commissioning = PageCommissioning(
-            self._node,
-            self._values.config,
-            self._values.urdf,
-            lambda: bool(self._server.get_clients()),
-        )
-        own = [robot.own_name(name) for name in self._names]
-        self._commissioning_folder = ViewCommissioning(
-            self._server, self._panel, self._commissioning, own, lambda: self._requests.emulated
         )
         self._panel.add_reports(self._server)
         self._plots = ViewPlots(
@@ -219,7 +206,6 @@ class View:
             diagnostics.recovery_hint(now),
             bool(self._requests.emulated),
         )
-        self._commissioning_folder.show(now)
         self._controls.show(now, feed.posture, self._scene.tool)
         self._panel.show_diagnostics(
             diagnostics.motors_html(now), diagnostics.timing_html(now), diagnostics.status_html(now)

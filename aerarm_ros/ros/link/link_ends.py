@@ -34,14 +34,12 @@ from aerarm_ros.ros.link.recordings import (
 from aerarm_ros.ros.link.relayed_services import DroneServices, GroundServices
 from aerarm_ros.ros.link.relayed_topics import (
     CALLS,
-    LAYOUTS,
     OFFERED,
     RESULTS,
     STOP_RESULTS,
     STOPS,
     DroneTopics,
     GroundTopics,
-    topic_rates,
 )
 
 CONTINUE, STOP, HOME = 'continue', 'stop', 'home'
@@ -232,7 +230,7 @@ class LinkEnd:
         raise NotImplementedError
 
     def _greet(self) -> None:
-        """Send latched messages, layouts and services, because the other end has just started."""
+        """Send latched messages and services, because the other end has just started."""
 
     def _on_newest(self, address: _Address) -> None:
         """Process the sender's address of the newest datagram."""
@@ -398,8 +396,7 @@ class DroneEnd(LinkEnd):
                 'stop the other ground_link of this host, or set another port or address'
             ) from None
         self._only_host = _ip_address(GROUND, values.ground) if values.ground else ''
-        rates = topic_rates(values.rate, values.values_rate, values.rates)
-        self._topics = DroneTopics(node, self.connection, rates)
+        self._topics = DroneTopics(node, self.connection, values.rate, values.values_rate)
         self._services = DroneServices(node, self.connection)
         self._watchdog = GroundWatchdog(node, values)
         self._recordings = DroneRecordings(node, self.connection, values)
@@ -485,7 +482,6 @@ class GroundEnd(LinkEnd):
         self._takers = {
             BAG_REPORTS: self._recordings.take_report,
             BLOCKS: self._recordings.take_block,
-            LAYOUTS: self._topics.take_layout,
             OFFERED: self._services.take_offered,
         }
 

@@ -295,9 +295,9 @@ def use_packaged_profile(environment: MutableMapping[str, str] = os.environ) -> 
 
 def has_packaged_profile(environment: Mapping[str, str] = os.environ) -> bool:
     """Return whether the environment selects one of the Fast DDS profiles of this package."""
-    named = environment.get(PROFILES_FILE)
+    named = environment.get(PROFILES_FILE, '')
     packaged = [_content(resource('config', name)) for name in (_EVERYWHERE, _LOOPBACK)]
-    return bool(named) and _content(Path(named)) in packaged
+    return _content(Path(named)) in packaged
 
 
 def _content(path: Path) -> bytes | None:

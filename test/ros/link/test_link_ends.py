@@ -48,7 +48,6 @@ def values(tmp_path: Path) -> SimpleNamespace:
         ground='',
         rate=50.0,
         values_rate=10.0,
-        rates=[],
         ground_timeout=0.0,
         ground_lost='stop',
         config='',
