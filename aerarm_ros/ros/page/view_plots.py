@@ -185,7 +185,6 @@ class ViewFeed:
 
 
 _STROKES = ('#e8590c', '#1971c2', '#2f9e44', '#9c36b5', '#e03131', '#0c8599', '#f08c00')
-_LIMIT = '#adb5bd'
 _WIDTH, _HEIGHT = 440, 190  # [pixels]
 _PADDING = (10, 24, 0, 0)  # [pixels] top, right, bottom, left; the top margin fits half a number
 _TICKS: viser.uplot.Axis_Ticks = {'show': True, 'stroke': 'rgba(128, 128, 128, 0.3)'}
@@ -203,15 +202,14 @@ class _Quantity:
     title: str
     value: str = ''
     reference: str = ''
-    limit: str = ''
     is_shown: bool = False
     small: float = 0.0
 
 
 _QUANTITIES = (
-    _Quantity('position [rad]', 'q', 'q_ref', 'position', True),
-    _Quantity('velocity [rad/s]', 'dq', 'dq_ref', 'velocity', True, 0.01),
-    _Quantity('effort [Nm]', 'tau', 'tau_ref', 'effort', True, 0.05),
+    _Quantity('position [rad]', 'q', 'q_ref', True),
+    _Quantity('velocity [rad/s]', 'dq', 'dq_ref', True, 0.01),
+    _Quantity('effort [Nm]', 'tau', 'tau_ref', True, 0.05),
     _Quantity('tracking error [rad]', 'error', small=4e-3),
     _Quantity('motor current [A]', 'current', small=0.05),
     _Quantity('electrical power [W]', 'power', small=0.5),
@@ -230,8 +228,6 @@ class ViewPlots:
         Names of the n joints.
     duration
         Time span of the plots [s].
-    limits
-        Lower and upper limits (n, 2) of 'position', 'velocity' and 'effort'.
     has_base
         Whether the base moves.
     """
@@ -241,18 +237,16 @@ class ViewPlots:
         server: viser.ViserServer,
         names: Sequence[str],
         duration: float,
-        limits: dict[str, Array],
         has_base: bool = False,
     ) -> None:
         gui = server.gui
-        self._names, self._limits = names, limits
+        self._names = names
         self._duration = duration
         panel = gui.add_panel()
         with panel.add_tab('Plots'):
             with gui.add_folder('Quantities', expand_by_default=False):
                 quantities = [*_QUANTITIES, *(_BASE if has_base else ())]
                 boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in quantities}
-                self._with_limits = gui.add_checkbox('draw the limits', False)
             gui.add_html(_legend(names))
             self._plots = {q: self._add(gui, q) for q in quantities}
         for quantity, box in boxes.items():
@@ -296,10 +290,6 @@ class ViewPlots:
         if quantity.reference:
             wanted = values[:, ROWS.index(quantity.reference)].T
             columns.insert(0, np.where(np.isnan(wanted), rows, wanted))
-        if quantity.limit:
-            limits = self._limits[quantity.limit].T[:, :, np.newaxis]
-            shown = limits if self._with_limits.value else rows[np.newaxis]
-            columns.insert(0, np.broadcast_to(shown, (2, *rows.shape)).reshape(-1, len(time)))
         return (time, *(np.ascontiguousarray(row) for part in columns for row in part))
 
     def _show(self, quantity: _Quantity, event: viser.GuiEvent[viser.GuiCheckboxHandle]) -> None:
@@ -335,8 +325,6 @@ class ViewPlots:
         # The curves of the joints are last, so that they are drawn on top.
         if quantity.reference:
             lines = [_line('reference', color, (5, 4)) for color in colors] + lines
-        if quantity.limit:
-            lines = [_line('limit', _LIMIT, (2, 4))] * (2 * len(colors)) + lines
         return lines
 
 
