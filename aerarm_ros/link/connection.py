@@ -47,6 +47,8 @@ _CHANNEL = struct.Struct('<H')
 _SPAN = 64  # most parts in transit
 _RESERVED = 16  # parts in transit that are reserved for urgent messages
 _PART_MAX = DATAGRAM_MAX - OVERHEAD - 2 * _ENTRY.size - _TIMES.size - _CONFIRM.size - 24
+VALUE_MAX = _PART_MAX
+"""Largest size of a value [bytes]."""
 _PACKED, _EXPIRES, _VOID, _LAST = 1, 2, 4, 8
 _LATE_MAX = 0.5  # [s] above the usual delay; a command that arrives later is rejected
 _DELAY_SPAN = 60.0  # [s] over which the fastest datagram gives the usual delay
@@ -237,7 +239,7 @@ class Connection:
 
     def set_value(self, channel: int, payload: bytes) -> None:
         """Set the next value to send on a channel; drop a value too large for a datagram."""
-        if len(payload) > _PART_MAX:
+        if len(payload) > VALUE_MAX:
             self.dropped += 1
         else:
             self._values[channel] = payload

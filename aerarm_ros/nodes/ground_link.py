@@ -47,8 +47,6 @@ PARAMETERS = ParameterTable(
         'publishing rate of joint states on the ground computer', 'Hz', 0.1, 50.0),
     Parameter('values_rate', 10.0,
         'publishing rate of all other topics on the ground computer', 'Hz', 0.1, 50.0),
-    Parameter('rates', [''],
-        'publishing rates of single topics on the ground computer, each as NAME=HZ'),
     Parameter('ground_timeout', 0.0,
         'time without messages from the ground after which ground_lost applies; 0 for never',
         's', 0.0, 3600.0),

@@ -26,7 +26,6 @@ from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.page.page_programs import PagePrograms
 from aerarm_ros.ros.page.page_server import PageGuard, is_loopback
-from aerarm_ros.ros.page.view_commissioning import PageCommissioning
 from aerarm_ros.ros.page.view_controls import PageMotion, PageRequests
 from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
 from aerarm_ros.ros.page.view_plots import ViewFeed
@@ -82,7 +81,6 @@ class View:
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
         config, robot = load_arm(values)
-        base = robot.base_link  # of the arm, because under a drone the drone is the root link
         drone = load_drone(values, config, robot)
         if drone is not None:
             text = with_drone(robot.urdf_text, drone, robot.prefix)
@@ -98,27 +96,21 @@ class View:
         self._feed = ViewFeed(
             self._node, self._names, values.history, values.rate, drone is not None
         )
-        self._motion = PageMotion(self._node, config, base)
+        self._motion = PageMotion(self._node, config)
         self._programs = PagePrograms(
             self._node.get_namespace(),
             Path(values.folder),
             {item.name: getattr(values, item.name) for item in ARM_FILES},
             values.drone_file,
         )
-        self._limits = {
-            # The bridge's limits: the URDF has none for a continuous joint.
-            'position': np.column_stack(
-                [config.column('position_min'), config.column('position_max')]
-            ),
-            **{
-                name: np.outer(config.column(f'{name}_max'), [-1.0, 1.0])
-                for name in ('velocity', 'effort')
-            },
-        }
+        # The bridge's limits: the URDF has none for a continuous joint.
+        self._limits = np.column_stack(
+            [config.column('position_min'), config.column('position_max')]
+        )
         topics.ARM_MODE.subscription(self._node, self._on_mode)
         topics.DIAGNOSTICS.subscription(self._node, self._on_diagnostics)
         self._loop = PeriodicLoop(1.0 / values.rate)
-        self._serve(robot, base)
+        self._serve(robot)
 
     def run(self) -> None:
         """Update the page until the process receives a stop signal."""
@@ -135,17 +127,15 @@ class View:
 
     def close(self) -> None:
         """End the programs that the page started, stop the server and destroy the node."""
-        self._commissioning.end()
         self._programs.close()
         with redirect_stdout(StringIO()):
             self._server.stop()
         self._feed.destroy()
         self._node.destroy_node()
 
-    def _serve(self, robot: Robot, base: str) -> None:
+    def _serve(self, robot: Robot) -> None:
         try:
             from aerarm_ros.ros.page.page_server import PageError, serve_page
-            from aerarm_ros.ros.page.view_commissioning import ViewCommissioning
             from aerarm_ros.ros.page.view_controls import ViewControls
             from aerarm_ros.ros.page.view_panel import ViewPanel
             from aerarm_ros.ros.page.view_plots import ViewPlots
@@ -167,25 +157,12 @@ class View:
             raise ViewError(str(error)) from None
         # The stop button is created first, because the other elements take longer to load.
         self._panel = ViewPanel(self._server, self._name, self._requests.ask)
-        self._scene = ViewScene(self._server, robot, self._values.tool, base)
-        limits = self._limits['position']
+        self._scene = ViewScene(self._server, robot, self._values.tool)
         self._controls = ViewControls(
-            self._server, self._panel, self._motion, self._programs, self._names, limits
-        )
-        self._commissioning = PageCommissioning(
-            self._node,
-            self._values.config,
-            self._values.urdf,
-            lambda: bool(self._server.get_clients()),
-        )
-        own = [robot.own_name(name) for name in self._names]
-        self._commissioning_folder = ViewCommissioning(
-            self._server, self._panel, self._commissioning, own, lambda: self._requests.emulated
+            self._server, self._panel, self._motion, self._programs, self._names, self._limits
         )
         self._panel.add_reports(self._server)
-        self._plots = ViewPlots(
-            self._server, self._names, self._values.history, self._limits, self._has_base
-        )
+        self._plots = ViewPlots(self._server, self._names, self._values.history, self._has_base)
 
     def _log_refused(self, text: str) -> None:
         self._node.get_logger().warning(text)
@@ -219,11 +196,8 @@ class View:
             diagnostics.recovery_hint(now),
             bool(self._requests.emulated),
         )
-        self._commissioning_folder.show(now)
-        self._controls.show(now, feed.posture, self._scene.tool)
-        self._panel.show_diagnostics(
-            diagnostics.motors_html(now), diagnostics.timing_html(now), diagnostics.status_html(now)
-        )
+        self._controls.show(now, feed.posture)
+        self._panel.show_diagnostics(diagnostics.motors_html(now), diagnostics.status_html(now))
 
     def _on_mode(self, message: String) -> None:
         self._mode = message.data

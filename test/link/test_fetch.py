@@ -169,14 +169,6 @@ def test_random_bytes_raise_only_documented_errors(bag: Path, tmp_path: Path) ->
     server.close()
 
 
-def test_a_folder_within_a_bag_is_not_offered(bag: Path, tmp_path: Path) -> None:
-    (bag / 'folder').mkdir()
-    radio = Radio(bag)
-    fetch = fetch_into(radio, tmp_path / 'ground')
-    radio.run(fetch, 60.0, lambda: fetch.is_complete)
-    assert fetch.is_complete
-
-
 @pytest.mark.parametrize(
     'manifest',
     [

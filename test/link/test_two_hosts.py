@@ -125,16 +125,6 @@ def is_copy(rig: Rig, here: Path) -> bool:
     )
 
 
-@pytest.mark.usefixtures('flight')  # a parallel test run may have another pair of hosts
-def test_a_fetch_continues_after_a_restart_of_the_drones_link(rig: Rig) -> None:
-    process = rig.arm('fetch', 'again/flight')
-    log = rig.folder / 'arm_fetch.log'
-    wait_for_text(log, 'MB of')
-    rig.restart_drone_link()
-    assert process.wait(60.0) == 0, log.read_text()
-    assert is_copy(rig, rig.folder / 'again' / 'flight')
-
-
 def is_steady(rig: Rig, rate: str, pairs: list[tuple[Loop, Loop]]) -> bool:
     """Compare a slow radio with none just before, because other programs cost cycles as well."""
     rig.hosts.set_rate('')
@@ -150,7 +140,7 @@ def no_loss(free: Loop, limited: Loop) -> bool:
 
 def test_no_radio_slows_the_loop_down(rig: Rig) -> None:
     rig.listen_on_ground()
-    for rate in ('2mbit', '8kbit'):
+    for rate in ('8kbit',):
         pairs: list[tuple[Loop, Loop]] = []
         # A radio that stops the loop costs 29 to 100 % of the cycles all the time.
         kbits, packets = rig.traffic(

@@ -3,12 +3,22 @@
 import time
 from collections.abc import Callable, Collection
 
+import pytest
 import rclpy
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from aerarm_ros.ros.requests import bridge_service
+
 LIMIT = 20.0  # [s]
 _made: list[Node] = []
+
+
+@pytest.fixture
+def quick_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shorten the search: nodes of one process share a participant and need no discovery."""
+    monkeypatch.setattr(bridge_service, 'discovery_time', lambda: 0.3)
+    monkeypatch.setattr(bridge_service, '_PAUSE', 0.2)
 
 
 def destroy_bridges() -> None:

@@ -68,13 +68,6 @@ class HeadlessBrowser:
         until(lambda: self.evaluate(f'Boolean({found})'))
         self.evaluate(f'{found}.click()')
 
-    def unfold(self, label: str) -> None:
-        found = (
-            f'[...document.querySelectorAll("div")].findLast(d => d.innerText.trim() == "{label}")'
-        )
-        until(lambda: self.evaluate(f'Boolean({found})'))
-        self.evaluate(f'{found}.click()')
-
     def picture(self) -> np.ndarray:
         from PIL import Image  # a dependency of viser
 

@@ -1,7 +1,4 @@
-"""Nodes that receive a second stop signal during their end, and still end normally.
-
-asked_twice.py repeats this as a campaign of any length.
-"""
+"""Nodes that receive a second stop signal during their end, and still end normally."""
 
 import random
 import signal

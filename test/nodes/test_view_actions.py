@@ -14,9 +14,7 @@ import pytest
 from page_viewer import CAMERA, STOP, Viewer
 
 from aerarm_msgs_py import topics
-from aerarm_ros.commissioning.commissioning_record import load_record
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.excitation.trajectory import FourierTrajectory
@@ -64,13 +62,11 @@ def shown(folder: Path, parameters: dict[str, object]) -> Iterator[Viewer]:
         assert view.stop() == 0, view.tail()  # its recorder ends before it does
 
 
-def test_the_arm_is_commissioned_enabled_recorded_played_stopped_and_brought_back(
+def test_the_arm_is_enabled_recorded_played_stopped_and_brought_back(
     ros_domain: dict[str, str], tmp_path: Path
 ) -> None:
     folder = tmp_path / 'folder'
     folder.mkdir()
-    config = tmp_path / 'arm.yaml'  # the record is written beside it
-    config.write_text(resource('config', 'aerarm.yaml').read_text())
     bias = np.array(load_excitation_config().bias)
     series = FourierTrajectory(0.5, bias, *np.full((2, 4, 1), 0.05))
     names = tuple(f'joint{k}' for k in range(1, 5))
@@ -79,12 +75,11 @@ def test_the_arm_is_commissioned_enabled_recorded_played_stopped_and_brought_bac
         NodeProcess(
             'fake_hardware',
             (),
-            {'pace': 'keep_up', 'encoders': 'absolute', 'config': config},
+            {'pace': 'keep_up', 'encoders': 'absolute'},
             log=tmp_path / 'arm.log',
         ),
-        shown(tmp_path, {'folder': folder, 'config': config}) as viewer,
+        shown(tmp_path, {'folder': folder}) as viewer,
     ):
-        commission(viewer, tmp_path / 'arm.emulated.commissioning.yaml')
         drive(viewer)
     states = read_joint_states(folder / 'bag', topics.JOINT_STATES.name)
     assert len(states.stamp) > 100
@@ -103,28 +98,6 @@ def test_sliders_go_as_far_as_the_bridge_lets_a_joint_that_turns_for_ever(
     with shown(tmp_path, {'config': config, 'urdf': EXAMPLES / 'three_joints.urdf'}) as viewer:
         viewer.listen(lambda: turn.name in sliders(viewer), PATIENCE)
         assert sliders(viewer)[turn.name] == (turn.position_min, turn.position_max)
-
-
-def commission(viewer: Viewer, record: Path) -> None:
-    """Commission a joint by the emulated hand, then leave out all steps of another."""
-
-    def wait(text: str) -> None:
-        viewer.listen(lambda: text in viewer.text(), PATIENCE)
-
-    viewer.set('joint to commission', 'joint4')
-    viewer.set('an emulated hand turns the joints', True)
-    viewer.set('Begin commissioning', True)
-    wait(f'passed: joint4; record: {record}')
-    assert load_record(record).joints['joint4'].passed
-    viewer.set('joint to commission', 'joint3')
-    viewer.set('an emulated hand turns the joints', False)
-    viewer.set('Begin commissioning', True)
-    wait('Put joint3 at its home configuration')
-    viewer.set('Skip this step', True)
-    wait('The motor of joint3 aligns its rotor now')
-    viewer.set('Skip this step', True)
-    wait(f'joint3 did not pass: read the findings in {record}')
-    assert load_record(record).joints['joint3'].findings == ('joint3: skipped by the user',) * 2
 
 
 def drive(viewer: Viewer) -> None:

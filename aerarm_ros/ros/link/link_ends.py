@@ -20,7 +20,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.link.connection import Connection, Received
-from aerarm_ros.link.sealed import OVERHEAD, looks_sealed
+from aerarm_ros.link.sealed import looks_sealed
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.graph import DuplicatePublisherCheck, endpoint_name
 from aerarm_ros.ros.link.recordings import (
@@ -34,14 +34,12 @@ from aerarm_ros.ros.link.recordings import (
 from aerarm_ros.ros.link.relayed_services import DroneServices, GroundServices
 from aerarm_ros.ros.link.relayed_topics import (
     CALLS,
-    LAYOUTS,
     OFFERED,
     RESULTS,
     STOP_RESULTS,
     STOPS,
     DroneTopics,
     GroundTopics,
-    topic_rates,
 )
 
 CONTINUE, STOP, HOME = 'continue', 'stop', 'home'
@@ -144,7 +142,6 @@ _CLOCK_MAX = 0.02  # [s] offset of the clocks, above which the link warns
 _CUT_MIN = 0.4
 _DATAGRAM_MAX = 2048
 _STOP_CHANNELS = (STOPS, STOP_RESULTS)
-_REFLECT_EVERY = 1.0  # [s]
 _KEY_LOG_EVERY = 10.0  # [s] between two warnings of other keys
 _JOINS, _JOINS_TIME = 3, 10.0  # so many connections within so many seconds show several grounds
 _DATAGRAMS_MAX = 64  # received in one step, so that a flood does not keep this end from sending
@@ -232,7 +229,7 @@ class LinkEnd:
         raise NotImplementedError
 
     def _greet(self) -> None:
-        """Send latched messages, layouts and services, because the other end has just started."""
+        """Send latched messages and services, because the other end has just started."""
 
     def _on_newest(self, address: _Address) -> None:
         """Process the sender's address of the newest datagram."""
@@ -398,12 +395,11 @@ class DroneEnd(LinkEnd):
                 'stop the other ground_link of this host, or set another port or address'
             ) from None
         self._only_host = _ip_address(GROUND, values.ground) if values.ground else ''
-        rates = topic_rates(values.rate, values.values_rate, values.rates)
-        self._topics = DroneTopics(node, self.connection, rates)
+        self._topics = DroneTopics(node, self.connection, values.rate, values.values_rate)
         self._services = DroneServices(node, self.connection)
         self._watchdog = GroundWatchdog(node, values)
         self._recordings = DroneRecordings(node, self.connection, values)
-        self._ticked = self._reflected = -inf
+        self._ticked = -inf
 
     def close(self) -> None:
         """Complete the bag of a running recording, close the socket, and destroy subscriptions."""
@@ -413,14 +409,6 @@ class DroneEnd(LinkEnd):
 
     def _on_newest(self, address: _Address) -> None:
         self._address = address
-
-    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
-        super()._on_rejected(datagram, address)
-        # The ground rejects its own datagram too, which shows it that the drone has another key.
-        now = time.monotonic()
-        if self._key_problem and now - self._reflected >= _REFLECT_EVERY:
-            self._reflected = now
-            self._send_datagram(datagram[:OVERHEAD], address)
 
     def _take(self, received: Received) -> None:
         channel = received.channel
@@ -481,11 +469,10 @@ class GroundEnd(LinkEnd):
         self._services = GroundServices(node, self.connection, self._log)
         self._recordings = GroundRecordings(node, self.connection, values)
         self._sole = DuplicatePublisherCheck(node, topics.JOINT_STATES)
-        self._controllers = RemoteControllers(node)
+        self._commands = node.resolve_topic_name(topics.JOINT_COMMAND.name)
         self._takers = {
             BAG_REPORTS: self._recordings.take_report,
             BLOCKS: self._recordings.take_block,
-            LAYOUTS: self._topics.take_layout,
             OFFERED: self._services.take_offered,
         }
 
@@ -520,7 +507,19 @@ class GroundEnd(LinkEnd):
         kept = self._services.kept_stops
         if kept:
             return f'the drone has NOT CONFIRMED the e-stop yet: {" and ".join(kept)}'
-        return self._sole.problem() or self._controllers.problem()
+        return self._sole.problem() or self._remote_controllers()
+
+    def _remote_controllers(self) -> str:
+        """Return a warning about controllers on this host, because the link relays no commands."""
+        ends = self._node.get_publishers_info_by_topic(self._commands)
+        names = {endpoint_name(end) for end in ends} - {'', self._node.get_fully_qualified_name()}
+        if not names:
+            return ''
+        return (
+            f'{" and ".join(sorted(names))} cannot command the arm from this host: ground_link '
+            'does not relay joint_command, because a late command damps the arm. Run the '
+            'controller on the drone, or set AERARM_NETWORK=open on both hosts'
+        )
 
     def _rows(self) -> dict[str, object]:
         return {
@@ -548,39 +547,3 @@ def _ip_address(role: str, host: str) -> str:
             f"the host name '{host}' in the parameter {role} is unknown ({error.strerror}): use "
             'an IP address'
         ) from None
-
-
-class RemoteControllers:
-    """Warn of controllers on the ground, because the link does not relay `joint_command`.
-
-    Parameters
-    ----------
-    node
-        Node that searches the ROS graph for controllers, and logs warnings.
-    """
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self._topic = node.resolve_topic_name(topics.JOINT_COMMAND.name)
-        self._known: list[str] = []
-
-    def problem(self) -> str:
-        """Return and log a warning about controllers on this host, or return an empty string."""
-        ends = self._node.get_publishers_info_by_topic(self._topic)
-        names = sorted({endpoint_name(end) for end in ends} - {'', self._own})
-        text = ''
-        if names:
-            text = (
-                f'{" and ".join(names)} cannot command the arm from this host: ground_link does '
-                'not relay joint_command, because a late command damps the arm. Run the '
-                'controller on the drone, or set AERARM_NETWORK=open on both hosts'
-            )
-        if names != self._known:
-            self._known = names
-            if text:
-                self._node.get_logger().warning(text)
-        return text
-
-    @property
-    def _own(self) -> str:
-        return str(self._node.get_fully_qualified_name())

@@ -206,32 +206,7 @@ class ElementChanged(PageMessage, tag='GuiUpdateMessage'):
     updates: Change
 
 
-class TargetMoved(PageMessage, tag='TransformControlsUpdateMessage'):
-    """Message from a browser that the user dragged the tool's target in the 3D view."""
-
-    name: Text
-    wxyz: tuple[float, float, float, float]
-    position: Vector
-    owner: Text
-
-
-class TargetTaken(PageMessage, tag='TransformControlsDragStartMessage'):
-    """Message from a browser that the user grabbed the tool's target in the 3D view."""
-
-    name: Text
-    owner: Text
-
-
-class TargetLeft(PageMessage, tag='TransformControlsDragEndMessage'):
-    """Message from a browser that the user released the tool's target in the 3D view."""
-
-    name: Text
-    owner: Text
-
-
-_DECODER = msgspec.msgpack.Decoder(
-    CameraMoved | ElementChanged | TargetMoved | TargetTaken | TargetLeft
-)
+_DECODER = msgspec.msgpack.Decoder(CameraMoved | ElementChanged)
 
 
 def is_allowed(message: object) -> bool:

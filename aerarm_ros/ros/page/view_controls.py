@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import viser
-from geometry_msgs.msg import PoseStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
@@ -24,7 +20,6 @@ from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.page.page_programs import ChildProgram, PagePrograms
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
-from aerarm_ros.ros.page.view_scene import ARM_BASE
 from aerarm_ros.ros.requests.bridge_service import BridgeService, StopService
 
 _SHORTEST = 0.5  # [s]
@@ -36,28 +31,22 @@ _LISTENERS = ('recorder', 'view')
 
 
 class PageMotion:
-    """Publish goals for the active controller: joint trajectories and target positions of the tool.
+    """Publish joint trajectories for the active controller.
 
     Parameters
     ----------
     node
-        Owner of the publishers.
+        Owner of the publisher.
     config
         Configuration of the arm, with its limits.
-    base
-        Link in whose frame the tool's position is given.
     """
 
-    def __init__(self, node: Node, config: ArmConfig, base: str) -> None:
+    def __init__(self, node: Node, config: ArmConfig) -> None:
         self._node = node
         self._names = list(config.joint_names)
-        self._base = base
         self._velocity_max = np.array(config.column('velocity_max'))
         self._acceleration_max = np.array(config.column('acceleration_max'))
-        self._trajectories, self._targets = (
-            node.create_publisher(topic.type, topic.name, topic.offered)
-            for topic in (topics.JOINT_TRAJECTORY, topics.TOOL_TRAJECTORY)
-        )
+        self._trajectories = topics.JOINT_TRAJECTORY.publisher(node)
 
     def go(self, start: Array, goal: Sequence[float], share: float) -> tuple[bool, str]:
         """Publish a trajectory from the present joint angles (n,) to the goal angles (n,) [rad].
@@ -74,7 +63,7 @@ class PageMotion:
         sent, text
             Whether a controller receives the motion, and a message for the user.
         """
-        if not self._has_subscriber(topics.JOINT_TRAJECTORY.name):
+        if not self._has_subscriber():
             return False, (
                 'no active controller accepts joint trajectories: start the controller '
                 'computed_torque'
@@ -91,39 +80,18 @@ class PageMotion:
         self._trajectories.publish(JointTrajectory(joint_names=self._names, points=[point]))
         return True, f'the motion takes {duration:.1f} s'
 
-    def aim(self, place: Sequence[float]) -> tuple[bool, str]:
-        """Publish a target position (3,) of the tool in the base frame [m].
-
-        The controller `world_control` keeps the tool at the corresponding position in the world
-        frame. The return values are those of `go`.
-        """
-        if not self._has_subscriber(topics.TOOL_TRAJECTORY.name):
-            return False, (
-                'no active controller accepts tool targets: start the controller kinematic_control '
-                'or world_control'
-            )
-        message = PoseStamped()
-        message.header.frame_id = self._base
-        message.pose.orientation.w = 0.0  # any orientation
-        p = message.pose.position
-        p.x, p.y, p.z = (float(x) for x in place)
-        self._targets.publish(message)
-        return True, f'the tool moves to {p.x:.3f}, {p.y:.3f}, {p.z:.3f} m in the base frame'
-
-    def _has_subscriber(self, topic: str) -> bool:
-        """Return whether a controller subscribes to the topic."""
-        listeners = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topic))
+    def _has_subscriber(self) -> bool:
+        """Return whether a controller subscribes to joint trajectories."""
+        listeners = self._node.get_subscriptions_info_by_topic(self._trajectories.topic_name)
         names = [endpoint_name(listener).rpartition('/')[2] for listener in listeners]
         return any(name and name not in _LISTENERS for name in names)
 
 
 PUT_BACK = 'put_back'
-_FAULT = 'fault '
-_TIMEOUT = 3.0  # [s] to find a parameter's node, and again for its answer
 
 
 class PageRequests:
-    """Call the bridge's services, and inject or repair faults of emulated boards.
+    """Call the bridge's services.
 
     Parameters
     ----------
@@ -134,16 +102,12 @@ class PageRequests:
     """
 
     def __init__(self, node: Node, bridges: Sequence[str]) -> None:
-        self._node = node
-        self._bridges = bridges
         self._stops = {action: StopService(node, action, bridges) for action in STOPS}
         self._services = {
             action: BridgeService(node, action, bridges)
             for action in (*ACTIONS, PUT_BACK)
             if action not in STOPS
         }
-        self._lock = threading.Lock()
-        self._parameters: dict[str, AsyncParameterClient] = {}
 
     @property
     def emulated(self) -> str:
@@ -158,50 +122,21 @@ class PageRequests:
     def ask(self, action: str) -> tuple[bool, str]:
         """Send the request `action` to the bridge, and wait for the bridge's answer.
 
-        `action` is the name of a service, or 'fault NAME:BOARD' for emulated boards.
-
         Returns
         -------
         done, text
             Whether the request succeeded, and the answer of the bridge.
         """
-        if action.startswith(_FAULT):
-            return self._mend(action.removeprefix(_FAULT))
         service = self._stops.get(action) or self._services.get(action)
         return (False, f'unknown request {action}') if service is None else service.call()
 
-    def _mend(self, fault: str) -> tuple[bool, str]:
-        """Set the parameter `fault` of a running bridge with emulated boards."""
-        with self._lock:
-            for bridge in self._bridges:
-                if bridge not in self._parameters:
-                    self._parameters[bridge] = AsyncParameterClient(self._node, bridge)
-                client = self._parameters[bridge]
-                if client.wait_for_services(_TIMEOUT):
-                    return self._set(client, fault)
-        return False, (
-            'faults need emulated boards, but the node fake_hardware is not running: start it'
-        )
-
-    def _set(self, client: AsyncParameterClient, fault: str) -> tuple[bool, str]:
-        answered = threading.Event()
-        future = client.set_parameters([Parameter('fault', value=fault)])
-        future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(_TIMEOUT):
-            return False, (
-                f'the bridge did not answer within {_TIMEOUT:g} s: check the log of the bridge'
-            )
-        answer = future.result().results[0]
-        return bool(answer.successful), answer.reason or fault
-
 
 _STEP = 0.01  # [rad] of a slider
-_TARGET_SCALE = 0.25
 _LOOK_PERIOD = 1.0  # [s] between two searches of the directory
 
 
 class ViewControls:
-    """Folders of the page with joint sliders, a draggable tool target, and buttons for programs.
+    """Folders of the page with joint sliders, and buttons for programs.
 
     This class checks all values from the browser again, because a message can contain any number.
 
@@ -229,7 +164,6 @@ class ViewControls:
         self._panel, self._motion, self._programs = panel, motion, programs
         self._limits = limits
         self._posture: Array | None = None
-        self._tool = np.zeros(3)
         self._looked = -np.inf
         self._gui = gui = server.gui
         self._shown: list[tuple[ChildProgram, Any, Any, str, str]] = []
@@ -251,7 +185,6 @@ class ViewControls:
             gui.add_button('Set sliders to the present joint angles').on_click(
                 lambda _: self._take_posture()
             )
-            self._has_target = gui.add_checkbox('move the tool by dragging a target', False)
         with gui.add_folder('Record a bag', expand_by_default=False):
             self._bag = gui.add_text('name of the bag', 'my_bag')
             self._add_program(
@@ -265,13 +198,8 @@ class ViewControls:
             self._add_program(
                 programs.player, lambda: programs.play(self._file.value), 'Play', 'Stop the motion'
             )
-        self._target = server.scene.add_transform_controls(
-            f'{ARM_BASE}/tool_target', _TARGET_SCALE, disable_rotations=True, visible=False
-        )
-        self._has_target.on_update(lambda _: self._show_target())
-        self._target.on_update(lambda _: self._aim())
 
-    def show(self, now: float, posture: Array | None, tool: Array) -> None:
+    def show(self, now: float, posture: Array | None) -> None:
         """Show for each program whether it is running, and the last line of its output.
 
         Parameters
@@ -280,14 +208,11 @@ class ViewControls:
             Monotonic time [s].
         posture
             (n,) present joint angles [rad], or None if unknown.
-        tool
-            (3,) position of the tool in the base frame [m].
         """
         if self._posture is None and posture is not None:
             self._posture = posture
             self._take_posture()
         self._posture = posture if posture is not None else self._posture
-        self._tool = tool
         for program, button, words, start, stop in self._shown:
             button.label = stop if program.runs else start
             button.disabled = program.is_ending
@@ -332,16 +257,6 @@ class ViewControls:
         else:
             done, text = self._motion.go(self._posture, goal, self._speed_share())
             self._panel.show_result(done, 'Move' if done else 'not sent:', text)
-
-    def _aim(self) -> None:
-        place = np.array(self._target.position, float)
-        if self._has_target.value and np.all(np.isfinite(place)):
-            done, text = self._motion.aim(place.tolist())
-            self._panel.show_result(done, 'Target' if done else 'not sent:', text)
-
-    def _show_target(self) -> None:
-        self._target.position = np.array(self._tool)
-        self._target.visible = self._has_target.value
 
     def _take_posture(self) -> None:
         if self._posture is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,8 +14,6 @@ _ERROR, _STALE = 2, 3  # levels in view.html
 # status once per second.
 _STALE_AFTER, _GONE_AFTER = 3.0, 10.0
 _HINT = 'recovery hint'
-_STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
-_TIMING_KEY = re.compile(rf'(.+) ({"|".join(map(re.escape, _STATISTICS))}) \[us\]')
 # Column of the motors' table, and the end of its keys on /diagnostics.
 _MOTOR_COLUMNS = {
     'winding': 'winding [degC]',
@@ -71,24 +68,15 @@ class ViewDiagnostics:
         statuses = [one for _, one in self._present(now) if self._level(one, now) != _STALE]
         return next((one.values[_HINT] for one in statuses if one.values.get(_HINT)), '')
 
-    def timing_html(self, now: float) -> Html:
-        """Return HTML tables of the timing statistics [us] in all statuses, or an empty string."""
-        tables = [
-            (name, self._level(status, now), _cells(rows), _counts(status.values))
-            for name, status in self._present(now)
-            if (rows := timing_rows(status.values))
-        ]
-        return Html(elements().tables(tables, 'us', _STATISTICS))
-
     def motors_html(self, now: float) -> Html:
         """Return HTML tables of the motors' temperatures and torque limits, or an empty string."""
         heads = [f'{name} {end[end.index("[") :]}' for name, end in _MOTOR_COLUMNS.items()]
         tables = [
-            (name, self._level(status, now), rows.items(), None)
+            (name, self._level(status, now), rows.items())
             for name, status in self._present(now)
             if (rows := motor_rows(status.values))
         ]
-        return Html(elements().tables(tables, '', heads))
+        return Html(elements().tables(tables, heads))
 
     def status_html(self, now: float) -> Html:
         """Return HTML with one line per status: level, name and message."""
@@ -110,19 +98,6 @@ class ViewDiagnostics:
         return [(name, status) for name, status in known if now - status.received < _GONE_AFTER]
 
 
-def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Return the timing statistics [us] in nested dictionaries, for example rows['period']['p99'].
-
-    The same value has the key 'period p99 [us]' in a diagnostic status.
-    """
-    rows: dict[str, dict[str, str]] = {}
-    for key, value in values.items():
-        match = _TIMING_KEY.fullmatch(key)
-        if match:
-            rows.setdefault(match[1], {})[match[2]] = value
-    return rows
-
-
 def motor_rows(values: Mapping[str, str]) -> dict[str, list[str]]:
     """Return the rows of the motors' table by joint name; a row contains one text per column.
 
@@ -131,11 +106,3 @@ def motor_rows(values: Mapping[str, str]) -> dict[str, list[str]]:
     ends = list(_MOTOR_COLUMNS.values())
     joints = [key.removesuffix(f' {ends[0]}') for key in values if key.endswith(f' {ends[0]}')]
     return {joint: [values.get(f'{joint} {end}', '') for end in ends] for joint in joints}
-
-
-def _cells(rows: Mapping[str, Mapping[str, str]]) -> list[tuple[str, list[str]]]:
-    return [(name, [row.get(key, '') for key in _STATISTICS]) for name, row in rows.items()]
-
-
-def _counts(values: Mapping[str, str]) -> str:
-    return ', '.join(f'{k}: {v}' for k, v in values.items() if not _TIMING_KEY.fullmatch(k))

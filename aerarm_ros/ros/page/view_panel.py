@@ -40,7 +40,7 @@ _BUTTONS = {
     ),
     'put_back': ('Reset the emulated arm', ('idle', 'unhomed')),
 }
-_STEP = re.compile(r"'arm ([a-z_]+(?: [a-z0-9_:.]+)?)'")
+_STEP = re.compile(rf"'arm ({'|'.join(_BUTTONS)})'")
 
 
 class ViewPanel:
@@ -55,8 +55,7 @@ class ViewPanel:
     name
         Name of the arm.
     ask
-        Sends a button's request to the bridge: 'e_stop', a key of the bridge's actions, or 'fault
-        NAME:BOARD'.
+        Sends a button's request to the bridge: 'e_stop', or a key of the bridge's actions.
     """
 
     def __init__(self, server: viser.ViserServer, name: str, ask: Ask) -> None:
@@ -85,11 +84,9 @@ class ViewPanel:
         return lambda _: self.answer(action)
 
     def add_reports(self, server: viser.ViserServer) -> None:
-        """Add folders for the tables of motors, timing and diagnostics to the panel."""
+        """Add folders for the tables of motors and diagnostics to the panel."""
         with server.gui.add_folder('Motors'):
             self._motors = server.gui.add_html('')
-        with server.gui.add_folder('Timing', expand_by_default=False):
-            self._timing = server.gui.add_html('')
         with server.gui.add_folder('Diagnostics'):
             self._diagnostics = server.gui.add_html('')
 
@@ -121,11 +118,9 @@ class ViewPanel:
         for action, button in self._buttons.items():
             button.visible = mode in _BUTTONS[action][1] and (emulated or action != 'put_back')
 
-    def show_diagnostics(self, motors: Html, timing: Html, statuses: Html) -> None:
-        """Show the HTML tables of motors, timing and diagnostics."""
-        missing = elements().missing
-        self._motors.content = indented(motors or missing('no temperatures'))
-        self._timing.content = indented(timing or missing('no timing statistics'))
+    def show_diagnostics(self, motors: Html, statuses: Html) -> None:
+        """Show the HTML tables of motors and diagnostics."""
+        self._motors.content = indented(motors or elements().missing('no temperatures'))
         self._diagnostics.content = indented(statuses)
 
     def show_result(self, done: bool, word: str, text: str) -> None:

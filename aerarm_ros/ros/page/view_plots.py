@@ -13,8 +13,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr, Payloads
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder
+from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.page.view_diagnostics import elements
@@ -61,65 +60,10 @@ class ViewHistory:
 
 
 # Rows stored per joint.
-_WINDOWED = ('q', 'dq', 'tau', 'current')
-_MINIMA = tuple(f'{name}_min' for name in _WINDOWED)
-_MAXIMA = tuple(f'{name}_max' for name in _WINDOWED)
-ROWS = ('q', 'dq', 'tau', 'q_ref', 'dq_ref', 'tau_ref', 'current', 'power', *_MINIMA, *_MAXIMA)
+ROWS = ('q', 'dq', 'tau', 'q_ref', 'dq_ref', 'tau_ref', 'current', 'power')
 BASE_ROWS = ('x [m]', 'y [m]', 'z [m]', 'roll [rad]', 'pitch [rad]', 'yaw [rad]')
 _SILENT = 1.0  # [s] without states before a notice
-_SIDES = ('minimum', 'maximum')
-_WINDOWS = 10  # that may wait
 _STALE = 0.3  # [s] after which a reference, a current or a power is dropped
-
-
-class WindowReader:
-    """Read the minima and maxima of a topic's values, which the node `ground_link` publishes.
-
-    `ground_link` reduces the data rate: for each time window it sends to the ground one message of
-    the topic, and the minimum and maximum of all messages.
-
-    Parameters
-    ----------
-    node
-        Owner of the subscriptions.
-    names
-        Joint names, n of them.
-    topic
-        Topic of type JointState.
-    """
-
-    def __init__(self, node: Node, names: Sequence[str], topic: topics.Topic) -> None:
-        self._names = list(names)
-        sides = [topics.Topic(f'{topic.name}/{side}', topic.type, topic.qos) for side in _SIDES]
-        # More than one window may arrive between two pictures.
-        self._reader = RawReader(node, *(side.queued(_WINDOWS) for side in sides))
-        self._decoders = [JointStateDecoder() for _ in _SIDES]
-
-    def take(self) -> Array | None:
-        """Return the minima and maxima of position, velocity and effort since the last call.
-
-        The shape is (2, 3, n). Minimum and maximum are NaN if a window contains NaN. Return None if
-        no window was received, for example on the host of the bridge.
-        """
-        sides = []
-        for index, (decoder, extreme) in enumerate(
-            zip(self._decoders, (np.minimum, np.maximum), strict=True)
-        ):
-            payloads = []
-            while (message := self._reader.take(index)) is not None:
-                payloads.append(message[0])
-            if not payloads:
-                return None
-            _, values = decoder.decode(Payloads.of(payloads))
-            if not set(self._names) <= set(decoder.names):
-                return None
-            columns = [decoder.names.index(name) for name in self._names]
-            sides.append(extreme.reduce(values[:, :, columns], axis=0))
-        return np.stack(sides)
-
-    def destroy(self) -> None:
-        """Destroy the subscriptions."""
-        self._reader.destroy()
 
 
 class ViewFeed:
@@ -141,7 +85,7 @@ class ViewFeed:
     Attributes
     ----------
     joints, base
-        Samples of `ROWS`, with shape (16, n), and of `BASE_ROWS`, with shape (6,).
+        Samples of `ROWS`, with shape (8, n), and of `BASE_ROWS`, with shape (6,).
     posture
         (n,) newest joint positions [rad], None before the first message.
     pose
@@ -160,13 +104,10 @@ class ViewFeed:
         self._states = StateSampler(node, names)
         self._commands = StateSampler(node, names, topics.JOINT_COMMAND)
         self._motors = StateSampler(node, names, topics.MOTOR_STATES)
-        self._windows = [
-            WindowReader(node, names, topic) for topic in (topics.JOINT_STATES, topics.MOTOR_STATES)
-        ]
         self._powers = RawReader(node, topics.MOTOR_POWER)
         self._power_cdr = Float64ArrayCdr(n)
         self._row = np.full((len(ROWS), n), np.nan)
-        self._received_at = np.full(8, -np.inf)  # reception times of the first rows
+        self._received_at = np.full(len(ROWS), -np.inf)
         self._odometry: Odometry | None = None
         if has_base:
             topic = topics.ODOMETRY
@@ -185,7 +126,6 @@ class ViewFeed:
         self._received_at[0] = now
         self.posture = state[0]
         self._row[:3] = state
-        self._take_windows()
         self.joints.add(now, self._row)
         return True
 
@@ -216,8 +156,6 @@ class ViewFeed:
         """Destroy the subscriptions."""
         for reader in (self._states, self._commands, self._motors, self._powers):
             reader.destroy()
-        for windows in self._windows:
-            windows.destroy()
 
     def _take_rest(self, now: float) -> None:
         command, motors = self._commands.newest(), self._motors.newest()
@@ -229,17 +167,6 @@ class ViewFeed:
                 self._row[rows] = values
                 self._received_at[rows] = now
         self._row[3:8][now - self._received_at[3:8] > _STALE] = np.nan
-
-    def _take_windows(self) -> None:
-        """Store the minima and maxima of all time windows received since the last sample."""
-        first = ROWS.index(_MINIMA[0])
-        extremes = self._row[first:].reshape(2, len(_WINDOWED), -1)
-        extremes[:] = np.nan
-        joints, motors = (reader.take() for reader in self._windows)
-        if joints is not None:
-            extremes[:, :3] = joints
-        if motors is not None:
-            extremes[:, 3] = motors[:, 2]
 
     def _take_pose(self, now: float) -> None:
         message, self._odometry = self._odometry, None
@@ -258,7 +185,6 @@ class ViewFeed:
 
 
 _STROKES = ('#e8590c', '#1971c2', '#2f9e44', '#9c36b5', '#e03131', '#0c8599', '#f08c00')
-_LIMIT = '#adb5bd'
 _WIDTH, _HEIGHT = 440, 190  # [pixels]
 _PADDING = (10, 24, 0, 0)  # [pixels] top, right, bottom, left; the top margin fits half a number
 _TICKS: viser.uplot.Axis_Ticks = {'show': True, 'stroke': 'rgba(128, 128, 128, 0.3)'}
@@ -276,15 +202,14 @@ class _Quantity:
     title: str
     value: str = ''
     reference: str = ''
-    limit: str = ''
     is_shown: bool = False
     small: float = 0.0
 
 
 _QUANTITIES = (
-    _Quantity('position [rad]', 'q', 'q_ref', 'position', True),
-    _Quantity('velocity [rad/s]', 'dq', 'dq_ref', 'velocity', True, 0.01),
-    _Quantity('effort [Nm]', 'tau', 'tau_ref', 'effort', True, 0.05),
+    _Quantity('position [rad]', 'q', 'q_ref', True),
+    _Quantity('velocity [rad/s]', 'dq', 'dq_ref', True, 0.01),
+    _Quantity('effort [Nm]', 'tau', 'tau_ref', True, 0.05),
     _Quantity('tracking error [rad]', 'error', small=4e-3),
     _Quantity('motor current [A]', 'current', small=0.05),
     _Quantity('electrical power [W]', 'power', small=0.5),
@@ -303,8 +228,6 @@ class ViewPlots:
         Names of the n joints.
     duration
         Time span of the plots [s].
-    limits
-        Lower and upper limits (n, 2) of 'position', 'velocity' and 'effort'.
     has_base
         Whether the base moves.
     """
@@ -314,18 +237,16 @@ class ViewPlots:
         server: viser.ViserServer,
         names: Sequence[str],
         duration: float,
-        limits: dict[str, Array],
         has_base: bool = False,
     ) -> None:
         gui = server.gui
-        self._names, self._limits = names, limits
+        self._names = names
         self._duration = duration
         panel = gui.add_panel()
         with panel.add_tab('Plots'):
             with gui.add_folder('Quantities', expand_by_default=False):
                 quantities = [*_QUANTITIES, *(_BASE if has_base else ())]
                 boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in quantities}
-                self._with_limits = gui.add_checkbox('draw the limits', False)
             gui.add_html(_legend(names))
             self._plots = {q: self._add(gui, q) for q in quantities}
         for quantity, box in boxes.items():
@@ -364,19 +285,11 @@ class ViewPlots:
             return (time, *np.ascontiguousarray(np.nan_to_num(error.T)))
         rows = np.nan_to_num(values[:, ROWS.index(quantity.value)].T)
         columns = [rows]
-        # A missing reference, minimum or maximum repeats the joint's value, because gaps would
-        # remove the plot's scale, and a plot cannot change its number of lines.
+        # A missing reference repeats the joint's value, because gaps would remove the plot's scale,
+        # and a plot cannot change its number of lines.
         if quantity.reference:
             wanted = values[:, ROWS.index(quantity.reference)].T
             columns.insert(0, np.where(np.isnan(wanted), rows, wanted))
-        if quantity.value in _WINDOWED:
-            for side in (f'{quantity.value}_min', f'{quantity.value}_max'):
-                extreme = values[:, ROWS.index(side)].T
-                columns.insert(-1, np.where(np.isnan(extreme), rows, extreme))
-        if quantity.limit:
-            limits = self._limits[quantity.limit].T[:, :, np.newaxis]
-            shown = limits if self._with_limits.value else rows[np.newaxis]
-            columns.insert(0, np.broadcast_to(shown, (2, *rows.shape)).reshape(-1, len(time)))
         return (time, *(np.ascontiguousarray(row) for part in columns for row in part))
 
     def _show(self, quantity: _Quantity, event: viser.GuiEvent[viser.GuiCheckboxHandle]) -> None:
@@ -399,7 +312,6 @@ class ViewPlots:
             legend=viser.uplot.Legend(show=not quantity.value),
             height=_HEIGHT,
             padding=_PADDING,
-            bands=self._bands(quantity, len(series)),
             visible=quantity.is_shown,
         )
 
@@ -410,25 +322,10 @@ class ViewPlots:
             return [_line(label, _color(k)) for k, label in enumerate(labels)]
         colors = [_color(k) for k in range(len(self._names))]
         lines = [_line(name, color) for name, color in zip(self._names, colors, strict=True)]
-        if quantity.value in _WINDOWED:
-            lines = [_line(side, f'{c}60') for side in _SIDES for c in colors] + lines
         # The curves of the joints are last, so that they are drawn on top.
         if quantity.reference:
             lines = [_line('reference', color, (5, 4)) for color in colors] + lines
-        if quantity.limit:
-            lines = [_line('limit', _LIMIT, (2, 4))] * (2 * len(colors)) + lines
         return lines
-
-    def _bands(self, quantity: _Quantity, count: int) -> tuple[viser.uplot.Band, ...] | None:
-        """Return one band per joint, which fills the area from the minimum to the maximum."""
-        if quantity.value not in _WINDOWED:
-            return None
-        n = len(self._names)
-        first = 1 + count - 3 * n  # series 0 is the time; minima, maxima and joints are last
-        return tuple(
-            viser.uplot.Band(series=(first + n + k, first + k), fill=f'{_color(k)}40')
-            for k in range(n)
-        )
 
 
 def _at_least(small: float) -> dict[str, viser.uplot.Scale]:

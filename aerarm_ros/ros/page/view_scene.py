@@ -14,9 +14,6 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.description.robot_shapes import load_shapes
 from aerarm_ros.motion.signals import Array
 
-ARM_BASE = '/arm/base_of_arm'
-"""Name of the arm's base frame in viser's scene."""
-
 _GRID_SIZE = 2.0  # [m]
 _CLOSE, _FAR = (1.0, 0.35), (1.5, 1.0)  # distance [1.2 m] and height [m] of the camera
 _MIDDLE = 0.4  # point at which the camera looks, as a fraction of the way from base to tool
@@ -38,13 +35,6 @@ class ViewScene:
         shapes.
     tool
         Frame whose path is drawn; the last frame of the model by default.
-    base
-        Fixed link in whose frame the tool's position is given; the URDF's root by default.
-
-    Attributes
-    ----------
-    tool
-        Position (3,) of the tool frame in the base frame [m].
 
     Raises
     ------
@@ -52,9 +42,7 @@ class ViewScene:
         If a frame is unknown, or a mesh has too many triangles.
     """
 
-    def __init__(
-        self, server: viser.ViserServer, robot: Robot, tool: str = '', base: str = ''
-    ) -> None:
+    def __init__(self, server: viser.ViserServer, robot: Robot, tool: str = '') -> None:
         self._model = robot.model
         self._data = robot.model.createData()
         tool = tool and robot.full_name(tool)
@@ -66,14 +54,6 @@ class ViewScene:
         self._prepare(server, robot, self._usual_place(robot))
         self._base = self._scene.add_frame('/arm', show_axes=False)
         self._base_pose = pin.SE3.Identity()
-        self._mount = robot.frame_of(base or robot.base_link).placement
-        self._scene.add_frame(
-            ARM_BASE,
-            show_axes=False,
-            wxyz=_wxyz(self._mount.rotation),
-            position=self._mount.translation,
-        )
-        self.tool: Array = np.zeros(3)
         # Joints are nested, so most of them only need a new angle.
         self._paths = _paths(robot.model)
         self._joints = [self._scene.add_frame(path, show_axes=False) for path in self._paths[1:]]
@@ -98,7 +78,6 @@ class ViewScene:
                 handle.position = placement.translation
             handle.wxyz = _wxyz(placement.rotation)
         placed = pin.updateFramePlacement(self._model, self._data, self._tool)
-        self.tool = self._mount.actInv(placed.translation)
         tool = self._base_pose.act(placed.translation)
         if not self._path or np.linalg.norm(tool - self._path[-1]) > _TRAIL_STEP:
             self._path.append(tool.copy())

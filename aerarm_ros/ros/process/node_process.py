@@ -288,13 +288,18 @@ def use_packaged_profile(environment: MutableMapping[str, str] = os.environ) -> 
     FileNotFoundError
         If the package's files are not installed.
     """
-    profiles = {name: resource('config', name) for name in (_EVERYWHERE, _LOOPBACK)}
-    named = environment.get(PROFILES_FILE)
     # A parent process, or the user, may have selected a packaged profile for another discovery
     # range.
-    if not named or _content(Path(named)) in map(_content, profiles.values()):
+    if not environment.get(PROFILES_FILE) or has_packaged_profile(environment):
         name = _LOOPBACK if is_on_this_host(environment) else _EVERYWHERE
-        environment[PROFILES_FILE] = str(profiles[name])
+        environment[PROFILES_FILE] = str(resource('config', name))
+
+
+def has_packaged_profile(environment: Mapping[str, str] = os.environ) -> bool:
+    """Return whether the environment selects one of the Fast DDS profiles of this package."""
+    named = environment.get(PROFILES_FILE, '')
+    packaged = [_content(resource('config', name)) for name in (_EVERYWHERE, _LOOPBACK)]
+    return _content(Path(named)) in packaged
 
 
 def _content(path: Path) -> bytes | None:

@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_modes import ACTIONS, REACHES_ALL, Answer
 from aerarm_ros.ros.executors import this_domain
+from aerarm_ros.ros.process.node_process import has_packaged_profile
 
 ASK_AGAIN = 0.5  # [s]
 
@@ -95,11 +96,19 @@ class ServiceCall:
         return self._answer
 
 
-# Most nodes are discovered within tenths of a second. Without the packaged profile of Fast DDS
-# some take 3 s.
-_DISCOVERY_TIME = 4.0  # [s]
-_PAUSE = 0.5  # [s] between the appearances of a node's services
+_PAUSE = 1.0  # [s] without change of the graph, after which discovery counts as complete
+_STEP_MAX = 0.1  # [s] of a step that counts as time of discovery
 _TRIGGER = 'std_srvs/srv/Trigger'
+
+
+def discovery_time() -> float:
+    """Return the time [s] in which a new node discovers all nodes of the ROS graph.
+
+    With the packaged profile of Fast DDS, a new node announces itself every 0.25 s or more often,
+    and all nodes answer its announcements: three bridges were found within 0.8 s. With another
+    profile, discovery can take 3 s.
+    """
+    return 2.0 if has_packaged_profile() else 4.0
 
 
 def offered_actions(node: Node) -> dict[str, int]:
@@ -183,7 +192,10 @@ class BridgeFinder:
         self._everywhere = everywhere
         self._lock = threading.Lock()
         self._seen: dict[str, int] | None = None
-        self._born = self._changed = time.monotonic()
+        self._looked = time.monotonic()
+        # [s] of search, and of search since the graph last changed. While a busy host delays this
+        # process, it delays discovery as well, so such pauses do not count.
+        self._searched = self._unchanged = 0.0
         self._clients: dict[str, Client | None] = {}
         for name in bridges:
             service = node.resolve_service_name(f'{name}/{action}')
@@ -209,14 +221,16 @@ class BridgeFinder:
 
     def is_settled(self) -> bool:
         """Return whether discovery is probably complete, so that no further bridge will appear."""
-        now = time.monotonic()
-        return now - self._born > _DISCOVERY_TIME and now - self._changed > _PAUSE
+        return self._searched > discovery_time() and self._unchanged > _PAUSE
 
     def _look(self, in_vain: bool) -> list[str]:
         seen = offered_actions(self._node)
+        now = time.monotonic()
+        step, self._looked = min(now - self._looked, _STEP_MAX), now
+        self._searched += step
         # The services of the first search may have appeared at any time before.
-        if self._seen is not None and seen != self._seen:
-            self._changed = time.monotonic()
+        has_changed = self._seen is not None and seen != self._seen
+        self._unchanged = 0.0 if has_changed else self._unchanged + step
         self._seen = seen
         if self._only:
             return []

@@ -1,4 +1,4 @@
-"""Client that runs the guided commissioning procedure on a bridge, for terminal and web page."""
+"""Client that runs the guided commissioning procedure on a bridge."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class CommissioningClient:
         self._prefix = ''
         self._saved: CommissioningRecord | None = None
         self._publisher = topics.COMMISSIONING_REQUEST.publisher(node)
-        self._subscription = topics.COMMISSIONING_REPORT.subscription(node, self._on_report)
+        topics.COMMISSIONING_REPORT.subscription(node, self._on_report)
 
     @property
     def is_on(self) -> bool:
@@ -180,11 +180,6 @@ class CommissioningClient:
         for _ in range(_LAST):
             self._send(ProbeRequest(f'{self._name}:end', OFF))
             time.sleep(_PERIOD)
-
-    def destroy(self) -> None:
-        """Destroy publisher and subscription."""
-        self._node.destroy_publisher(self._publisher)
-        self._node.destroy_subscription(self._subscription)
 
     def _known_record(self) -> CommissioningRecord:
         assert self.report is not None

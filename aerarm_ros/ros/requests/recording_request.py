@@ -29,8 +29,8 @@ from aerarm_ros.ros.link.recordings import (
 )
 from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.requests.arm_client import ArmClientError
+from aerarm_ros.ros.requests.bridge_service import discovery_time
 
-_DISCOVERY_TIME = 4.0  # [s] at most for a bridge or a ground_link of this host to be found
 _ASK_AGAIN = 0.5  # [s]
 _PATIENCE = 60.0  # [s] for the drone's recorder to start
 _SILENT = 1.5  # [s] without a message of the drone, after which its silence is reported
@@ -76,7 +76,7 @@ class RecordingRequest:
                 name in BRIDGES for name in node.get_node_names()
             )
 
-        spin_until(node, is_known, _DISCOVERY_TIME)
+        spin_until(node, is_known, discovery_time())
         return bool(self._publisher.get_subscription_count())
 
     def record(self) -> None:

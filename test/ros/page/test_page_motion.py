@@ -16,7 +16,7 @@ from aerarm_ros.ros.page.view_controls import PageMotion
 
 def test_a_posture_is_reached_at_no_more_than_the_speed_that_is_set(ros_node: Node) -> None:
     config = load_arm_config()
-    motion = PageMotion(ros_node, config, 'base_link')
+    motion = PageMotion(ros_node, config)
     start, goal = np.array([0.0, 1.5, 0.0, 0.0]), [0.4, 0.2, -0.3, 0.0]
     sent, text = motion.go(start, goal, 0.5)
     assert (sent, 'start the controller computed_torque' in text) == (False, True)

@@ -1,5 +1,6 @@
 """Programs that the page may start; test/nodes/test_view_actions.py starts them."""
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.excitation.trajectory import FourierTrajectory
-from aerarm_ros.ros.page.page_programs import RANDOM, PageProgramError, PagePrograms
+from aerarm_ros.ros.page.page_programs import RANDOM, ChildProgram, PageProgramError, PagePrograms
 
 
 @pytest.fixture
@@ -50,3 +51,28 @@ def test_existing_bags_and_unknown_trajectories_are_rejected(
         programs.play('/etc/passwd')
     with pytest.raises(PageProgramError, match='unknown controller'):
         programs.control('arm', 0.5)
+
+
+CLICKS = 6
+
+
+def test_clicks_at_the_same_time_start_one_node(ros_domain: dict[str, str], tmp_path: Path) -> None:
+    program = ChildProgram('/')
+    together = threading.Barrier(CLICKS)
+    refused: list[str] = []
+
+    def click() -> None:
+        together.wait(60.0)
+        try:
+            program.start('recorder', {'bag': tmp_path / 'bag'})
+        except RuntimeError as error:
+            refused.append(str(error))
+        together.wait(60.0)  # a node ends with the thread that started it
+
+    threads = [threading.Thread(target=click) for _ in range(CLICKS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    program.close()
+    assert refused == ['recorder is already running: stop it first'] * (CLICKS - 1)

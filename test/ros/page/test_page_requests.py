@@ -2,37 +2,20 @@
 
 import time
 
-from answering_bridges import LIMIT, AnsweringBridges, until_offered
+import pytest
+from answering_bridges import LIMIT, AnsweringBridges, quick_search, until_offered
 from rclpy.node import Node
 
 from aerarm_ros.hardware.bridge_modes import ACTIONS
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.page.view_controls import PageRequests
 
-
-def test_its_emergency_stop_reaches_unnamed_bridges_of_its_namespace(ros_node: Node) -> None:
-    bridges = AnsweringBridges()
-    for name in ('my_arm', '/left/fake_hardware'):
-        bridges.add(name, ACTIONS)
-    page = PageRequests(ros_node, ['hardware_bridge', 'fake_hardware'])
-    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
-        assert page.ask('e_stop') == (True, '/my_arm: done')
-        assert page.ask('disable') == (True, '/my_arm: done')
-        done, text = page.ask('hold')
-    assert (done, 'offers the service hardware_bridge/hold' in text) == (False, True)
-    assert bridges.asked == ['my_arm', 'my_arm']
+__all__ = ['quick_search']
 
 
-def test_without_a_bridge_in_its_namespace_its_emergency_stop_reaches_all(ros_node: Node) -> None:
-    bridges = AnsweringBridges()
-    bridges.add('/left/fake_hardware', ACTIONS)
-    page = PageRequests(ros_node, ['hardware_bridge', 'fake_hardware'])
-    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
-        assert page.ask('e_stop') == (True, '/left/fake_hardware: done')
-
-
-def test_bridges_are_found_before_the_stop_request(ros_node: Node) -> None:
-    bridges, page = AnsweringBridges(), PageRequests(ros_node, [])
+@pytest.mark.usefixtures('quick_search')
+def test_its_stops_reach_unnamed_bridges_that_it_found_before(ros_node: Node) -> None:
+    bridges, page = AnsweringBridges(), PageRequests(ros_node, ['hardware_bridge'])
     bridges.add('my_arm', ACTIONS)
     for action in ACTIONS:
         until_offered(ros_node, f'my_arm/{action}')
@@ -41,3 +24,8 @@ def test_bridges_are_found_before_the_stop_request(ros_node: Node) -> None:
     while not ros_node.count_clients('my_arm/e_stop'):
         assert time.monotonic() < end
         time.sleep(0.01)
+    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
+        assert page.ask('e_stop') == page.ask('disable') == (True, '/my_arm: done')
+        done, text = page.ask('hold')
+    assert (done, 'offers the service hardware_bridge/hold' in text) == (False, True)
+    assert bridges.asked == ['my_arm', 'my_arm']

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import gzip
 import http.client
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,13 +17,23 @@ from page_viewer import CAMERA, STOP, Viewer
 MISSING = find_spec('viser') is None
 pytestmark = pytest.mark.skipif(MISSING, reason="viser is not installed: 'aerarm_ros[view]'")
 if not MISSING:
+    import msgspec
     import viser
     import websockets.asyncio.server as websocket_server
+    from websockets import Headers
     from websockets.exceptions import ConnectionClosed, InvalidStatus
+    from websockets.http11 import Response
     from websockets.sync.client import ClientConnection, connect
 
     from aerarm_ros.ros.page import page_server
-    from aerarm_ros.ros.page.page_server import PageError, PageGuard, serve_page
+    from aerarm_ros.ros.page.page_server import (
+        PageError,
+        PageGuard,
+        dress,
+        is_allowed,
+        is_loopback,
+        serve_page,
+    )
     from aerarm_ros.ros.page.view_panel import ViewPanel
 
 
@@ -101,32 +114,19 @@ def test_the_page_is_served_in_no_frame(page: ServedPage) -> None:
     assert headers['Referrer-Policy'] == 'no-referrer'
 
 
-def test_a_rebound_name_gets_nothing(page: ServedPage) -> None:
-    status, content, _ = page.get(Host=f'evil.example:{page.port}')
-    assert status == 403
-    assert b'<html' not in content.lower()
-    own = f'http://evil.example:{page.port}'
-    headers = {'Host': f'evil.example:{page.port}'}
-    assert refused_status(page, origin=own, additional_headers=headers) in (400, 403)
-
-
-@pytest.mark.parametrize('origin', ['http://evil.example', 'http://localhost:1', 'null', None])
-def test_a_foreign_site_gets_no_websocket(page: ServedPage, origin: str | None) -> None:
-    assert refused_status(page, origin=origin) == 403
-
-
-def test_a_foreign_site_gets_no_page(page: ServedPage) -> None:
-    assert page.get(Origin='http://evil.example')[0] == 403
+def test_foreign_sites_and_rebound_names_get_nothing(page: ServedPage) -> None:
+    lines = [line.split() for line in Path('/proc/net/tcp').read_text().splitlines()[1:]]
+    ends = [line[1].split(':') for line in lines if line[3] == '0A']
+    assert [host for host, end in ends if int(end, 16) == page.port] == ['0100007F']
+    evil = f'evil.example:{page.port}'
+    for headers in ({'Host': evil}, {'Origin': 'http://evil.example'}):
+        status, content, _ = page.get(**headers)
+        assert (status, b'<html' in content.lower()) == (403, False)
     assert page.refused[0].startswith('rejected: ')
-
-
-def test_the_button_stops(page: ServedPage) -> None:
-    with viewing(page) as viewer:
-        before = page.presses
-        viewer.send(
-            {'type': 'GuiUpdateMessage', 'uuid': viewer.button(STOP), 'updates': {'value': True}}
-        )
-        viewer.listen(lambda: page.presses == before + 1)
+    for origin in ('http://evil.example', 'http://localhost:1', 'null', None):
+        assert refused_status(page, origin=origin) == 403
+    headers = {'Host': evil}
+    assert refused_status(page, origin=f'http://{evil}', additional_headers=headers) in (400, 403)
 
 
 def test_no_client_can_change_the_page_of_others(page: ServedPage) -> None:
@@ -204,3 +204,180 @@ def test_a_server_that_cannot_be_guarded_serves_nothing(monkeypatch: pytest.Monk
     with pytest.raises(PageError, match='cannot protect the page'):
         serve_page('127.0.0.1', 18080, PageGuard('127.0.0.1'), print)
     assert websocket_server.serve is serve
+
+
+# Messages of browsers
+
+PRESS: dict[str, Any] = {'type': 'GuiUpdateMessage', 'uuid': 'a', 'updates': {'value': True}}
+
+
+def allowed(message: object) -> bool:
+    return is_allowed(msgspec.msgpack.encode(message))
+
+
+def test_messages_of_the_page_are_accepted() -> None:
+    assert allowed(CAMERA)
+    assert allowed(PRESS)
+    for value in (0.35, -1, 'computed_torque', False):
+        assert allowed(PRESS | {'updates': {'value': value}})
+
+
+@pytest.mark.parametrize(
+    'updates',
+    [
+        {'visible': False},
+        {'value': True, 'visible': False},
+        {'disabled': True},
+        {'removed': True},
+        {'value': 'x' * 1000},
+        {'value': None},
+        {'value': {'label': 'start'}},
+        None,
+    ],
+)
+def test_a_press_with_other_changes_is_rejected(updates: object) -> None:
+    assert not allowed(PRESS | {'updates': updates})
+
+
+@pytest.mark.parametrize(
+    'message',
+    [
+        {'type': 'GuiRemoveMessage', 'uuid': 'a'},
+        {'type': 'ResetGuiMessage'},
+        {'type': 'RunJavascriptMessage', 'source': 'alert(1)'},
+        {'type': 'SceneNodeUpdateMessage', 'name': '/arm', 'updates': {'visible': False}},
+        {'type': ['GuiUpdateMessage']},
+        CAMERA | {'excluded_self_client': 1},
+        CAMERA | {'wxyz': [1.0] * 5},
+        CAMERA | {'position': [[1.0], 0.0, 0.0]},
+        CAMERA | {'image_height': 10**12 * 0.5},
+        {key: value for key, value in CAMERA.items() if key != 'fov'},
+        {},
+        7,
+        [PRESS, PRESS],
+    ],
+)
+def test_other_messages_are_rejected(message: object) -> None:
+    assert not allowed(message)
+
+
+@pytest.mark.parametrize('raw', [b'', b'\xc1', b'\x81', b'\x91' * 100_000 + b'\x90', 'text', None])
+def test_invalid_messages_are_rejected(raw: object) -> None:
+    assert not is_allowed(raw)
+
+
+# Headers, path and token
+
+
+def refusal(
+    guard: PageGuard, host: str | None, origin: str | None = None, path: str = '/', ws: bool = False
+) -> str:
+    return guard.refusal(path, [host] if host else [], [origin] if origin else [], ws)
+
+
+@pytest.mark.parametrize('host', ['127.0.0.1:8080', 'localhost:9000', '[::1]:8080', 'LOCALHOST'])
+def test_requests_of_the_page_itself_are_accepted(host: str) -> None:
+    guard = PageGuard('127.0.0.1')
+    assert refusal(guard, host) == ''
+    assert refusal(guard, host, f'http://{host}', ws=True) == ''
+
+
+@pytest.mark.parametrize(
+    'host',
+    [
+        'evil.example:8080',
+        'localhost.evil.example:8080',
+        '127.0.0.1.evil.example',
+        '127.0.0.1@evil.example',
+        'evil.example@127.0.0.1:8080',
+        '127.0.0.1:8080/evil',
+        '192.168.1.2:8080',
+        '127.0.0.1:port',
+        '[::1',
+        '',
+        ' ',
+        None,
+    ],
+)
+def test_a_name_that_is_not_this_computer_is_refused(host: str | None) -> None:
+    assert 'not a name of this computer' in refusal(PageGuard('127.0.0.1'), host)
+
+
+@pytest.mark.parametrize(
+    'origin',
+    [
+        'http://evil.example',
+        'http://127.0.0.1:9999',
+        'http://localhost:8080',
+        'https://127.0.0.1:8080',
+        'http://127.0.0.1:8080.evil.example',
+        'http://127.0.0.1:8080/',
+        'null',
+        'file://',
+    ],
+)
+@pytest.mark.parametrize('ws', [False, True])
+def test_another_site_is_refused(origin: str, ws: bool) -> None:
+    assert 'other web site' in refusal(PageGuard('127.0.0.1'), '127.0.0.1:8080', origin, ws=ws)
+
+
+def test_a_websocket_needs_an_origin() -> None:
+    assert 'an empty value' in refusal(PageGuard('127.0.0.1'), '127.0.0.1:8080', ws=True)
+
+
+def test_a_header_that_comes_twice_is_refused() -> None:
+    guard, host = PageGuard('127.0.0.1'), '127.0.0.1:8080'
+    assert guard.refusal('/', [host, 'evil.example'], [], False)
+    assert guard.refusal('/', [host], [f'http://{host}', 'http://evil.example'], True)
+
+
+def test_on_a_network_the_token_is_required() -> None:
+    guard = PageGuard('0.0.0.0', 'secret')
+    host = '192.168.1.2:8080'
+    for path in ('/', '/secre/', '/secret1/', '/SECRET/', '/?secret', '//secret/', '/x/secret/'):
+        assert 'token' in refusal(guard, host, path=path), path
+        assert 'token' in refusal(guard, host, f'http://{host}', path, ws=True)
+    for path in ('/secret', '/secret/', '/secret/?darkMode', '/secret?x'):
+        assert refusal(guard, host, path=path) == ''
+    assert guard.inner_path('/secret') == '/'
+    assert guard.inner_path('/secret/a/b?c=/d') == '/a/b?c=/d'
+
+
+@pytest.mark.parametrize(
+    'host', ['192.168.1.2', '[fe80::1]:8080', socket.gethostname(), 'localhost']
+)
+def test_a_page_for_all_goes_by_every_name_of_this_computer(host: str) -> None:
+    assert refusal(PageGuard('0.0.0.0'), host) == ''
+    assert refusal(PageGuard('0.0.0.0'), 'evil.example')
+
+
+def test_tokens_are_new_each_time_and_only_where_they_are_needed() -> None:
+    addresses = {PageGuard.for_host('0.0.0.0').address('pi', 80) for _ in range(5)}
+    assert len(addresses) == 5
+    assert min(map(len, addresses)) >= len('http://pi:80//') + 32
+    assert PageGuard.for_host('::1').address('::1', 80) == 'http://[::1]:80'
+
+
+@pytest.mark.parametrize(
+    ('host', 'loopback'),
+    [('127.0.0.1', True), ('127.1.2.3', True), ('localhost', True), ('::1', True)]
+    + [('0.0.0.0', False), ('::', False), ('', False), ('192.168.1.2', False), ('pi', False)],
+)
+def test_loopback_addresses_are_recognized(host: str, loopback: bool) -> None:
+    assert is_loopback(host) is loopback
+
+
+PAGE = b'<html><head><title>Viser</title></head><body></body></html>'
+
+
+@pytest.mark.parametrize('encoding', ['identity', 'gzip'])
+def test_title_and_layout_are_added_to_a_page_with_the_right_length(encoding: str) -> None:
+    body = gzip.compress(PAGE) if encoding == 'gzip' else PAGE
+    headers = {'Content-Type': 'text/html; charset=utf-8', 'Content-Encoding': encoding}
+    response = Response(200, 'OK', Headers(**headers, **{'Content-Length': str(len(body))}), body)
+    dress(response)
+    assert response.headers.get_all('Content-Length') == [str(len(response.body))]
+    plain = gzip.decompress(response.body) if encoding == 'gzip' else bytes(response.body)
+    assert b'<title>aerarm</title>' in plain
+    assert b'document.title' in plain
+    assert plain.count(b'</head>') == 1

@@ -1,4 +1,4 @@
-"""The page's text about the received states."""
+"""The received states, and the page's text about them."""
 
 import time
 
@@ -8,7 +8,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.page.view_plots import ROWS, ViewFeed
+from aerarm_ros.ros.page.view_plots import ViewFeed, ViewHistory
 
 NAMES = ['joint1', 'joint2']
 
@@ -38,45 +38,20 @@ def test_an_unhomed_arm_is_distinguished_from_a_silent_one(ros_node: Node) -> No
     feed.destroy()
 
 
-def test_the_extremes_of_all_windows_since_the_last_picture_are_kept(ros_node: Node) -> None:
-    topic = topics.JOINT_STATES
-    names = ('', '/minimum', '/maximum')
-    publishers = [
-        ros_node.create_publisher(topic.type, topic.name + suffix, topic.offered)
-        for suffix in names
-    ]
-    feed = ViewFeed(ros_node, NAMES, 10.0, 20.0, has_base=False)
-    first = ROWS.index('q_min')
-    deadline = time.monotonic() + 20.0
-    values = np.zeros((0, len(ROWS), 2))
-    # Two windows come between two pictures, the second without the peak of the first.
-    while not (np.isfinite(values[:, first]).any() and values[:, ROWS.index('dq_max')].max() > 5.0):
-        assert time.monotonic() < deadline, values
-        for peak in (6.0, 0.5):
-            for publisher, sign in zip(publishers, (0.0, -1.0, 1.0), strict=True):
-                publisher.publish(
-                    JointState(
-                        name=NAMES[::-1],  # by name, not by place
-                        position=[0.2, 0.1],
-                        velocity=[sign * peak, 0.0],
-                        effort=[0.0, 0.0],
-                    )
-                )
-        time.sleep(0.05)
-        feed.update(time.monotonic())
-        _, values = feed.joints.window(time.monotonic())
-    newest = values[-1]
-    assert newest[ROWS.index('dq_max')] == pytest.approx([0.0, 6.0])
-    assert newest[ROWS.index('dq_min')] == pytest.approx([0.0, -6.0])
-    assert newest[ROWS.index('q_max')] == pytest.approx([0.1, 0.2])
-    assert np.isnan(newest[ROWS.index('current_max')]).all()
-    # Without new windows nothing is kept of the old ones.
-    publishers[0].publish(
-        JointState(name=NAMES, position=[0.1, 0.2], velocity=[0.0, 0.0], effort=[0.0, 0.0])
-    )
-    deadline = time.monotonic() + 20.0
-    while not feed.update(time.monotonic()):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    assert np.isnan(feed.joints.window(time.monotonic())[1][-1, first:]).all()
-    feed.destroy()
+def test_keeps_the_last_seconds_in_order() -> None:
+    history = ViewHistory((3, 2), duration=1.0, rate=10.0)
+    for k in range(35):
+        history.add(0.1 * k, np.full((3, 2), float(k)))
+    time, values = history.window(3.4)
+    assert values.shape == (10, 3, 2)
+    np.testing.assert_allclose(time, np.linspace(-0.9, 0.0, 10), atol=1e-9)
+    np.testing.assert_allclose(values[:, 2, 1], np.arange(25, 35))
+
+
+def test_old_samples_are_omitted() -> None:
+    history = ViewHistory((3, 1), duration=1.0, rate=10.0)
+    history.add(0.0, np.zeros((3, 1)))
+    history.add(5.0, np.ones((3, 1)))
+    time, values = history.window(5.5)
+    np.testing.assert_allclose(time, [-0.5])
+    np.testing.assert_allclose(values, 1.0)
