@@ -22,6 +22,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import IO, Any
 
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.type_support import check_for_type_support
+
+from aerarm_msgs_py.topics import TOPICS
 from aerarm_ros.executables import command_modules, program
 from aerarm_ros.ros.process.node_process import parameter_arguments, ros_environment
 from aerarm_ros.ros.process.process_end import LAUNCH_PID, die_with_parent
@@ -123,8 +127,13 @@ FORKING = SimpleNamespace(**{**vars(subprocess), 'Popen': _popen})
 
 
 def _early(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables that act before a program imports anything."""
-    return {k: v for k, v in environment.items() if k.startswith(('LD_', 'PYTHON'))}
+    """Return the variables that act before a program imports anything.
+
+    Whether imports are written as bytecode makes no difference to a fork.
+    """
+    found = {k: v for k, v in environment.items() if k.startswith(('LD_', 'PYTHON'))}
+    found.pop('PYTHONDONTWRITEBYTECODE', None)
+    return found
 
 
 def _ask(**request: object) -> Any:
@@ -158,6 +167,8 @@ def _serve() -> None:
     """
     for module in (*command_modules().values(), *_LATE):
         importlib.import_module(module)
+    for kind in (ParameterEvent, *(topic.type for topic in TOPICS.values())):
+        check_for_type_support(kind)
     # They run as programs, so they must not be imported before.
     for module in [name for name in sys.modules if name.startswith(f'{_NODES}.')]:
         del sys.modules[module]
