@@ -11,6 +11,7 @@ import gc
 import importlib
 import json
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -51,14 +52,15 @@ def run(
     parameters: Mapping[str, object] | None = None,
     cwd: Path | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    """Run the module of a command with arguments and parameters, in this environment.
+    """Run the module of a command, or a script, with arguments and parameters.
 
     The run is killed after ten minutes.
     """
     given = [*map(str, arguments), *parameter_arguments(parameters or {})]
+    module = name if name.endswith('.py') else program(name, given)
     with tempfile.TemporaryDirectory() as folder:
         said = [Path(folder, stream) for stream in ('stdout', 'stderr')]
-        process = ForkedProcess(program(name, given), given, ros_environment(), said, cwd)
+        process = ForkedProcess(module, given, ros_environment(), said, cwd)
         try:
             status = process.wait(_PATIENCE)
         except subprocess.TimeoutExpired:
@@ -69,7 +71,7 @@ def run(
 
 
 class ForkedProcess:
-    """A fork that runs a module; the part of `subprocess.Popen` that its users need."""
+    """A fork that runs a module or script; the part of `subprocess.Popen` that its users need."""
 
     def __init__(
         self,
@@ -203,6 +205,10 @@ def _become(
     os.environ.clear()
     os.environ.update(environment)
     sys.argv = [module, *arguments]
+    if module.endswith('.py'):
+        sys.path.insert(0, str(Path(module).parent))
+        runpy.run_path(module, run_name='__main__')
+        sys.exit()
     if module == _EXECUTABLES:
         sys.exit(importlib.import_module(module)._run_named())
     sys.exit(importlib.import_module(module).main())
