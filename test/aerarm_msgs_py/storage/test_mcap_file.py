@@ -53,20 +53,6 @@ def test_blocks_hold_a_bounded_part_of_a_file_without_chunks(tmp_path: Path, rec
     assert max(len(block.payloads) for block in blocks) < 3000
 
 
-def test_chunks_without_a_topic_are_not_read(tmp_path: Path, recording) -> None:
-    """The first chunk contains no message of the second topic, so its damage has no effect."""
-    first, second = ([m for m in recording.messages(400) if m.topic == topic] for topic in (0, 1))
-    path = write(tmp_path / 'a.mcap', [*first, *second], chunk_size=20_000)
-    content = bytearray(path.read_bytes())
-    place = content.index(b'\x04\0\0\0zstd', content.index(b'\x04\0\0\0zstd') + 1)
-    content[place + 60] ^= 0xFF  # in the second chunk: the first one tells what the topics are
-    path.write_bytes(content)
-    (*blocks,) = opened(path).blocks(['/other'])
-    assert sum(len(block.payloads) for block in blocks) == 400
-    with pytest.warns(BagWarning, match='is damaged'):
-        assert sum(len(b.payloads) for b in opened(path).blocks(['/joint_states'])) < 400
-
-
 def test_a_finished_file_contains_message_counts(tmp_path: Path, recording) -> None:
     path = write(tmp_path / 'a.mcap', recording.messages(40))
     file = opened(path)
