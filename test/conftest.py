@@ -5,6 +5,7 @@ import fcntl
 import os
 import shutil
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -26,6 +27,9 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.ros.process import node_process
 from aerarm_ros.ros.process.node_process import find_log_directory, ros_environment
 from aerarm_ros.ros.process.process_end import ExitLimit
+
+ROOT = Path(__file__).resolve().parents[1]
+NOT_IN_WHEEL = ('.*', '*.pyc', 'benchmarks', 'build', 'docs', 'mutants', 'output', 'test')
 
 # Equal examples in each run, without a time limit, because the machine may be busy.
 settings.register_profile('suite', deadline=None, derandomize=True)
@@ -97,6 +101,19 @@ def made_once(
         return folder
 
     return make
+
+
+@pytest.fixture(scope='session')
+def wheel(made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
+    """Return the wheel of the suite, as `pip install .` builds it."""
+
+    def build(folder: Path) -> None:
+        # A copy, because setuptools writes beside setup.py.
+        shutil.copytree(ROOT, folder / 'source', ignore=shutil.ignore_patterns(*NOT_IN_WHEEL))
+        command = [sys.executable, '-m', 'pip', 'wheel', '--quiet', '--no-deps', '-w', folder]
+        subprocess.run([*command, folder / 'source'], check=True)
+
+    return next(made_once('wheel', build).glob('*.whl'))
 
 
 @pytest.fixture(scope='session')

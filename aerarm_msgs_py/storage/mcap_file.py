@@ -1,15 +1,15 @@
 """Reader of one MCAP file, chunk by chunk.
 
 The mcap package reads message by message (3 us each) and does not check the sizes that a file
-declares. This module finds the messages of a chunk with numpy, from the index behind the chunk. If
-the index is missing or damaged, it scans the chunk instead. It does not need the summary at the end
-of the file, so it also reads files of killed recorders. Format: https://mcap.dev/spec.
+declares. This module scans a whole chunk and decodes its messages with numpy. It does not need the
+summary at the end of the file, so it also reads files of killed recorders. Format:
+https://mcap.dev/spec.
 """
 
 import contextlib
 import os
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,10 +24,10 @@ from aerarm_msgs_py.storage.mcap_walk import (
     MAGIC,
     MESSAGE_HEADER,
     RECORD,
-    ChunkIndexes,
     McapRecord,
     McapSummary,
     McapWalk,
+    indexed_messages,
     read_counts,
     read_summary,
     walk,
@@ -101,7 +101,7 @@ class RecordRun:
 
     records: bytes
     place: str
-    indexes: ChunkIndexes = field(default_factory=ChunkIndexes)
+    indexed: int = 0  # messages that the index after the chunk lists
 
 
 class McapFile(BagFile):
@@ -134,9 +134,8 @@ class McapFile(BagFile):
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """Yield blocks of messages of `topics` in file order; None selects all topics.
 
-        At most one chunk is in memory. If the file states its numbers of messages, the reader skips
-        chunks that contain no message of `topics`. Damage and a truncated end cause warnings. The
-        reader returns each readable message once.
+        At most one chunk is in memory. Damage and a truncated end cause warnings. The reader
+        returns each readable message once.
 
         Raises
         ------
@@ -147,7 +146,7 @@ class McapFile(BagFile):
             size = os.fstat(stream.fileno()).st_size
             self._check_magic(stream.read(len(MAGIC)))
             self._begin(read_summary(stream, size, self._budget.part_bytes))
-            for run in self._runs(stream, size, topics):
+            for run in self._runs(stream, size):
                 yield from self._blocks_of(run, topics)
         self._report.finish()
 
@@ -160,25 +159,21 @@ class McapFile(BagFile):
         if found != MAGIC:
             raise BagError(f'the file {self.path} is not an MCAP file: check the path')
 
-    def _runs(
-        self, stream: BinaryIO, size: int, topics: Collection[str] | None
-    ) -> Iterator[RecordRun]:
+    def _runs(self, stream: BinaryIO, size: int) -> Iterator[RecordRun]:
         loose = bytearray()
-        chunk: tuple[McapRecord, ChunkIndexes] | None = None  # the last one, until its end is known
+        chunk: McapRecord | None = None  # the last one, until the end of its index is known
+        indexed = 0
         for record in McapWalk(stream, size, self._summary.chunks, self._report):
             if record.opcode == Opcode.MESSAGE_INDEX:
-                indexes = chunk[1] if chunk else ChunkIndexes()
-                indexes.add(self._content(stream, record))
-                if not chunk:
-                    self._report_orphan(record, indexes)
+                indexed += self._indexed(stream, record, chunk)
                 continue
             if chunk:
-                yield from self._chunk(stream, *chunk, topics)
-                chunk = None
+                yield from self._chunk(stream, chunk, indexed)
+            chunk, indexed = None, 0
             if record.opcode == Opcode.CHUNK:
                 yield RecordRun(bytes(loose), '')
                 loose.clear()
-                chunk = (record, ChunkIndexes())
+                chunk = record
             elif record.opcode in _LOOSE:
                 content = self._content(stream, record)
                 loose += RECORD.pack(record.opcode, len(content)) + content if content else b''
@@ -188,8 +183,23 @@ class McapFile(BagFile):
             elif record.opcode == Opcode.STATISTICS:
                 self._take_counts(self._content(stream, record))
         if chunk:
-            yield from self._chunk(stream, *chunk, topics)
+            yield from self._chunk(stream, chunk, indexed)
         yield RecordRun(bytes(loose), '')
+
+    def _indexed(self, stream: BinaryIO, record: McapRecord, chunk: McapRecord | None) -> int:
+        """Return how many messages of a chunk an index record lists; report a wrong index."""
+        count = indexed_messages(self._content(stream, record))
+        if count is None:
+            self._report.add(
+                f'the index of {record.length} bytes at byte {record.start} is damaged',
+                record.length,
+            )
+        elif count and not chunk:
+            self._report.add(
+                f'{count} messages are lost: the file contains only their index, at byte '
+                f'{record.start}'
+            )
+        return count or 0
 
     def _take_counts(self, content: bytes) -> None:
         """Read the message counts from a statistics record outside the summary."""
@@ -211,73 +221,40 @@ class McapFile(BagFile):
         stream.seek(record.start + RECORD.size)
         return stream.read(record.length)
 
-    def _report_orphan(self, record: McapRecord, indexes: ChunkIndexes) -> None:
-        if indexes.messages or not indexes.complete:
-            self._report.add(
-                f'{indexes.messages or "some"} messages are lost: the file contains only their '
-                f'index, at byte {record.start}'
-            )
-
-    def _chunk(
-        self,
-        stream: BinaryIO,
-        record: McapRecord,
-        indexes: ChunkIndexes,
-        topics: Collection[str] | None,
-    ) -> Iterator[RecordRun]:
+    def _chunk(self, stream: BinaryIO, record: McapRecord, indexed: int) -> Iterator[RecordRun]:
         """Yield the records of an intact chunk; report a damaged chunk."""
-        if not self._is_wanted(indexes, topics):
-            return
         place = f'the chunk at byte {record.start}'
         try:
             chunk = McapChunk.read(self._content(stream, record))
             if record.whole:
-                yield RecordRun(chunk.records(self._budget), place, indexes)
+                yield RecordRun(chunk.records(self._budget), place, indexed)
             else:
                 yield RecordRun(chunk.beginning(self._budget), '')
         except ChunkError as error:
             if record.whole:  # otherwise the truncated end was reported
-                listed = f' with {indexes.messages} messages' if indexes.messages else ''
+                listed = f' with {indexed} messages' if indexed else ''
                 self._report.add(
                     f'{place}{listed} ({record.length} bytes) is damaged and ignored: {error}',
                     record.length,
                 )
 
-    def _is_wanted(self, indexes: ChunkIndexes, topics: Collection[str] | None) -> bool:
-        """Return whether a chunk may contain messages of `topics`, or channel definitions.
-
-        The index has no checksum. The reader uses it to skip a chunk only if the file states its
-        numbers of messages, because they would reveal a loss.
-        """
-        if topics is None or self._summary.counts is None:
-            return True
-        if not (indexes.complete and indexes.channels):
-            return True
-        names = [self._topics.name(channel) for channel in indexes.channels]
-        return any(name is None or name in topics for name in names)
-
     def _blocks_of(self, run: RecordRun, topics: Collection[str] | None) -> Iterator[MessageBlock]:
         records = run.records
-        indexed = run.indexes.message_starts(records)
-        if indexed is not None:
-            starts, headers = indexed
-        else:
-            starts, definitions, unread = walk(records, self._budget)
-            for opcode, content in definitions:
-                self._topics.register(opcode, content)
-            if unread and run.place:
-                self._report.add(
-                    f'in {run.place}, the {unread} bytes after {len(starts)} messages are not '
-                    'messages and are ignored',
-                    unread,
-                )
-            if not run.indexes.agree_with(starts):
-                self._report.add(
-                    f'the index after {run.place} lists {run.indexes.messages} messages, but the '
-                    f'chunk contains {len(starts)} messages at other places; the reader ignores '
-                    'this index'
-                )
-            headers = elements_at(records, MESSAGE_HEADER, starts)
+        starts, definitions, unread = walk(records, self._budget)
+        for opcode, content in definitions:
+            self._topics.register(opcode, content)
+        if unread and run.place:
+            self._report.add(
+                f'in {run.place}, the {unread} bytes after {len(starts)} messages are not '
+                'messages and are ignored',
+                unread,
+            )
+        if run.indexed and run.indexed != len(starts):
+            self._report.add(
+                f'the index after {run.place} lists {run.indexed} messages, but the chunk contains '
+                f'{len(starts)} messages'
+            )
+        headers = elements_at(records, MESSAGE_HEADER, starts)
         for index, own in self._topics.groups(headers['channel']):
             if index < 0:
                 self._report.add(f'the reader ignores {len(own)} messages without a known topic')

@@ -209,11 +209,6 @@ class McapTopics:
         found, firsts = np.unique(places[order], return_index=True)
         yield from zip(found.tolist(), np.split(order, firsts[1:]), strict=True)
 
-    def name(self, channel: int) -> str | None:
-        """Return the topic of a channel; None if it is unknown."""
-        index = int(self._index[channel])
-        return None if index < 0 else self.names[index]
-
     def by_topic(self, counts: dict[int, int]) -> dict[str, int]:
         """Convert numbers of messages per channel to numbers of messages per topic."""
         found = dict.fromkeys(self.names, 0)

@@ -11,7 +11,6 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from aerarm_msgs_py.codecs.cdr import elements_at
 from aerarm_msgs_py.storage.mcap_records import RecordFields
 from aerarm_msgs_py.storage.read_limits import DamageReport, ReadBudget
 
@@ -30,76 +29,19 @@ MESSAGE_HEADER = np.dtype(
 """Format of the first fields of a message record, which precede the payload."""
 
 _INDEX_HEADER = struct.Struct('<HI')  # channel, bytes of the entries
-_INDEX_ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])
+_INDEX_ENTRY_SIZE = 16
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 _DEFINITION_COST = 500  # bytes counted per definition, for its memory and reading time
 
 
-@dataclass
-class ChunkIndexes:
-    """Offsets of the messages in a chunk, from the index records that follow the chunk.
-
-    Attributes
-    ----------
-    channels
-        Channels with messages in the chunk.
-    complete
-        Whether every index record was readable.
-    """
-
-    channels: set[int] = field(default_factory=set)
-    complete: bool = True
-    _offsets: list[NDArray[np.uint64]] = field(default_factory=list)
-
-    @property
-    def messages(self) -> int:
-        """Number of messages that the index records list."""
-        return sum(map(len, self._offsets))
-
-    def add(self, content: bytes) -> None:
-        """Add the content of an index record."""
-        if len(content) < _INDEX_HEADER.size:
-            self.complete = False
-            return
-        channel, size = _INDEX_HEADER.unpack_from(content)
-        if size % _INDEX_ENTRY.itemsize or _INDEX_HEADER.size + size != len(content):
-            self.complete = False
-            return
-        entries = np.frombuffer(
-            content, _INDEX_ENTRY, size // _INDEX_ENTRY.itemsize, _INDEX_HEADER.size
-        )
-        if len(entries):
-            self.channels.add(channel)
-            self._offsets.append(entries['offset'])
-
-    def message_starts(self, records: bytes) -> tuple[NDArray[np.int64], NDArray[np.void]] | None:
-        """Return the offsets of the messages in the chunk, in order, and their headers.
-
-        Returns
-        -------
-        (K,) offsets and (K,) headers, or None if the index does not cover every byte of the chunk.
-        Then the index is damaged, or the chunk also contains other records.
-        """
-        last = len(records) - MESSAGE_HEADER.itemsize
-        if not (self.complete and self._offsets) or last < 0:
-            return None
-        offsets = np.sort(np.concatenate(self._offsets))
-        if offsets[0] != 0 or offsets[-1] > last:
-            return None
-        starts = offsets.astype(np.int64)
-        headers = elements_at(records, MESSAGE_HEADER, starts)
-        follows = np.append(starts[1:], len(records))
-        lengths = (follows - starts - RECORD.size).astype(np.uint64)
-        whole = (headers['opcode'] == Opcode.MESSAGE) & (headers['length'] == lengths)
-        return (starts, headers) if whole.all() and _have_headers(headers) else None
-
-    def agree_with(self, starts: NDArray[np.int64]) -> bool:
-        """Return whether the index lists exactly the messages at `starts`, or no messages."""
-        if not self.complete:
-            return False
-        if not self._offsets:
-            return True
-        return np.array_equal(np.sort(np.concatenate(self._offsets)), starts.astype(np.uint64))
+def indexed_messages(content: bytes) -> int | None:
+    """Return how many messages an index record lists; None if the record is damaged."""
+    if len(content) < _INDEX_HEADER.size:
+        return None
+    _, size = _INDEX_HEADER.unpack_from(content)
+    if size % _INDEX_ENTRY_SIZE or _INDEX_HEADER.size + size != len(content):
+        return None
+    return int(size) // _INDEX_ENTRY_SIZE
 
 
 def walk(
@@ -141,10 +83,6 @@ def walk(
             break
         position = end
     return np.array(starts, np.int64), definitions, size - position
-
-
-def _have_headers(headers: NDArray[np.void]) -> bool:
-    return bool((headers['length'] >= MESSAGE_HEADER.itemsize - RECORD.size).all())
 
 
 MAGIC = b'\x89MCAP0\r\n'

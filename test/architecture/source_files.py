@@ -46,16 +46,30 @@ def listed_in_setup(name: str) -> list[str]:
 
 
 @cache
+def syntax_tree(path: Path) -> ast.Module:
+    """Return the syntax tree of a file."""
+    return ast.parse(path.read_text())
+
+
+@cache
 def imported_modules(path: Path, at_import: bool = False) -> frozenset[str]:
     """Return the full names of a file's imports, or only of those executed at import.
 
     `from a.b import c` imports `a.b.c` if that is a module or package of the suite, else `a.b`.
     """
-    tree = ast.parse(path.read_text())
-    return frozenset(_imported(tree.body if at_import else ast.walk(tree), path))
+    body = syntax_tree(path).body
+    return frozenset(_imported(body if at_import else statements(body), path))
 
 
-def _imported(nodes: 'Iterator[ast.AST] | list[ast.stmt]', path: Path) -> Iterator[str]:
+def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """Yield statements and all statements inside them."""
+    for statement in body:
+        yield statement
+        for part in ('body', 'orelse', 'finalbody', 'handlers', 'cases'):
+            yield from statements(getattr(statement, part, []))
+
+
+def _imported(nodes: Iterator[ast.stmt] | list[ast.stmt], path: Path) -> Iterator[str]:
     for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

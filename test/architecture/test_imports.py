@@ -13,6 +13,7 @@ from source_files import (
     module_name,
     modules_in,
     python_files,
+    syntax_tree,
 )
 
 ROS_MODULES = {
@@ -135,7 +136,7 @@ def test_packages_hold_a_docstring_and_export_nothing() -> None:
     # At the top stand the names for Python users; executables limit NumPy's threads at once.
     for path in python_files(*SUITE):
         if path.stem == '__init__' and path.parent.name not in ('aerarm_ros', 'nodes'):
-            (docstring,) = ast.parse(path.read_text()).body
+            (docstring,) = syntax_tree(path).body
             assert isinstance(docstring, ast.Expr), path
 
 

@@ -7,9 +7,9 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 import zipfile
+from functools import cache
 from pathlib import Path
 
-import pytest
 import yaml
 from source_files import listed_in_setup
 
@@ -18,27 +18,8 @@ from aerarm_ros.executables import command_modules
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.fixture(scope='module')
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    out = tmp_path_factory.mktemp('wheel')
-    command = [
-        sys.executable,
-        '-m',
-        'pip',
-        'wheel',
-        '--quiet',
-        '--no-deps',
-        '-w',
-        str(out),
-        str(ROOT),
-    ]
-    subprocess.run(command, check=True, capture_output=True)
-    (path,) = out.glob('*.whl')
-    return zipfile.ZipFile(path)
-
-
-def test_the_wheel_contains_both_packages_and_the_shared_files(wheel: zipfile.ZipFile) -> None:
-    names = wheel.namelist()
+def test_the_wheel_contains_both_packages_and_the_shared_files(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
     for wanted in (
         'aerarm_ros/nodes/hardware_bridge.py',
         'aerarm_msgs_py/topics.py',
@@ -58,15 +39,16 @@ def test_the_wheel_contains_both_packages_and_the_shared_files(wheel: zipfile.Zi
     assert not any(name.startswith('test') for name in names)
 
 
-def test_every_executable_has_a_main(wheel: zipfile.ZipFile) -> None:
-    (listing,) = [name for name in wheel.namelist() if name.endswith('entry_points.txt')]
-    lines = [line for line in wheel.read(listing).decode().splitlines() if '=' in line]
+def test_every_executable_has_a_main(wheel: Path) -> None:
+    content = zipfile.ZipFile(wheel)
+    (listing,) = [name for name in content.namelist() if name.endswith('entry_points.txt')]
+    lines = [line for line in content.read(listing).decode().splitlines() if '=' in line]
     assert len(lines) >= 5
     for line in lines:
         name, target = (part.strip() for part in line.split('='))
         assert target == f'aerarm_ros.executables:{name}'
         module = command_modules()[name].replace('.', '/')
-        assert 'def main(' in wheel.read(f'{module}.py').decode()
+        assert 'def main(' in content.read(f'{module}.py').decode()
 
 
 def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:
@@ -107,6 +89,7 @@ def test_makefile_setup_ci_and_hosts_name_the_same_pythons() -> None:
         assert f'{oldest} to {newest}' in (ROOT / page).read_text()
 
 
+@cache
 def requirements(distribution: str) -> list[str]:
     """Return the requirements of setup.py under a ROS distribution, '' for none."""
     script = (

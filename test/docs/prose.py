@@ -50,6 +50,7 @@ VOCABULARY = {
     r'nobody|somebody|whoever': 'name the node or the user',
 }
 WORDS = {re.compile(rf'\b(?:{word})\b', re.IGNORECASE): use for word, use in VOCABULARY.items()}
+ANY = re.compile(rf'\b(?:{"|".join(VOCABULARY)})\b', re.IGNORECASE)
 CODE = re.compile(r'`+[^`]*`+')
 LINK = re.compile(r'!?\[([^\]]*)\]\([^)]*\)')
 FENCE = re.compile(r'^( *)(```|~~~).*?^\1?\2', re.MULTILINE | re.DOTALL)
@@ -85,18 +86,21 @@ def placeholder(node: ast.AST) -> str:
     return node.id if isinstance(node, ast.Name) else 'x'
 
 
+def strings(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield the string nodes below a node; an f-string is one of them."""
+    if isinstance(node, (ast.Constant, ast.JoinedStr)):
+        yield node
+        return
+    for child in ast.iter_child_nodes(node):
+        yield from strings(child)
+
+
 def python(text: str) -> Iterator[str]:
     """Yield docstrings' first paragraphs and all other strings of three words or more."""
-    tree = ast.parse(text)
-    inner = {
-        id(part) for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for part in ast.walk(n)
-    } - {id(n) for n in ast.walk(tree) if isinstance(n, ast.JoinedStr)}
-    for node in ast.walk(tree):
-        if id(node) in inner or not isinstance(node, (ast.Constant, ast.JoinedStr)):
-            continue
-        for block in literal(node).split('\n\n')[:1]:
-            if len(block.split()) >= 3:
-                yield block
+    for node in strings(ast.parse(text)):
+        block = literal(node).split('\n\n')[0]
+        if len(block.split()) >= 3:
+            yield block
 
 
 def template(text: str) -> Iterator[str]:
@@ -114,7 +118,7 @@ def findings(path: Path) -> list[str]:
     found = []
     for block in READERS[path.suffix](path.read_text()):
         text = CODE.sub('`', ' '.join(block.split()))
-        for word, use in WORDS.items():
+        for word, use in WORDS.items() if ANY.search(text) else ():
             found += [f"'{hit[0]}' ({use}): {text}" for hit in word.finditer(text)]
         if path.suffix == '.js':
             continue  # its lines are statements

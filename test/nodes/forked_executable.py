@@ -11,6 +11,7 @@ import gc
 import importlib
 import json
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -22,6 +23,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import IO, Any
 
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.type_support import check_for_type_support
+
+from aerarm_msgs_py.topics import TOPICS
 from aerarm_ros.executables import command_modules, program
 from aerarm_ros.ros.process.node_process import parameter_arguments, ros_environment
 from aerarm_ros.ros.process.process_end import LAUNCH_PID, die_with_parent
@@ -47,14 +52,15 @@ def run(
     parameters: Mapping[str, object] | None = None,
     cwd: Path | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    """Run the module of a command with arguments and parameters, in this environment.
+    """Run the module of a command, or a script, with arguments and parameters.
 
     The run is killed after ten minutes.
     """
     given = [*map(str, arguments), *parameter_arguments(parameters or {})]
+    module = name if name.endswith('.py') else program(name, given)
     with tempfile.TemporaryDirectory() as folder:
         said = [Path(folder, stream) for stream in ('stdout', 'stderr')]
-        process = ForkedProcess(program(name, given), given, ros_environment(), said, cwd)
+        process = ForkedProcess(module, given, ros_environment(), said, cwd)
         try:
             status = process.wait(_PATIENCE)
         except subprocess.TimeoutExpired:
@@ -65,7 +71,7 @@ def run(
 
 
 class ForkedProcess:
-    """A fork that runs a module; the part of `subprocess.Popen` that its users need."""
+    """A fork that runs a module or script; the part of `subprocess.Popen` that its users need."""
 
     def __init__(
         self,
@@ -123,8 +129,13 @@ FORKING = SimpleNamespace(**{**vars(subprocess), 'Popen': _popen})
 
 
 def _early(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables that act before a program imports anything."""
-    return {k: v for k, v in environment.items() if k.startswith(('LD_', 'PYTHON'))}
+    """Return the variables that act before a program imports anything.
+
+    Whether imports are written as bytecode makes no difference to a fork.
+    """
+    found = {k: v for k, v in environment.items() if k.startswith(('LD_', 'PYTHON'))}
+    found.pop('PYTHONDONTWRITEBYTECODE', None)
+    return found
 
 
 def _ask(**request: object) -> Any:
@@ -158,6 +169,8 @@ def _serve() -> None:
     """
     for module in (*command_modules().values(), *_LATE):
         importlib.import_module(module)
+    for kind in (ParameterEvent, *(topic.type for topic in TOPICS.values())):
+        check_for_type_support(kind)
     # They run as programs, so they must not be imported before.
     for module in [name for name in sys.modules if name.startswith(f'{_NODES}.')]:
         del sys.modules[module]
@@ -192,6 +205,10 @@ def _become(
     os.environ.clear()
     os.environ.update(environment)
     sys.argv = [module, *arguments]
+    if module.endswith('.py'):
+        sys.path.insert(0, str(Path(module).parent))
+        runpy.run_path(module, run_name='__main__')
+        sys.exit()
     if module == _EXECUTABLES:
         sys.exit(importlib.import_module(module)._run_named())
     sys.exit(importlib.import_module(module).main())

@@ -59,40 +59,6 @@ def test_unknown_commands_are_no_attributes() -> None:
         executables._private  # noqa: B018
 
 
-WITHOUT_ROS = """
-import sys
-
-class Missing:
-    def find_spec(self, name, *_):
-        if name.partition('.')[0] in ('rclpy', 'rcl_interfaces', 'sensor_msgs', 'std_msgs'):
-            raise ModuleNotFoundError(name, name=name)
-
-sys.meta_path.insert(0, Missing())
-from aerarm_ros import executables
-name = sys.argv[0] = sys.argv.pop(1)
-sys.exit(getattr(executables, name)())
-"""
-
-
-@pytest.mark.parametrize(
-    ('arguments', 'status', 'said'),
-    [
-        (['calibrator', '--help'], 0, ''),
-        (['calibrator', '--bag', 'none.csv'], USER_ERROR, 'the bag none.csv does not exist'),
-        (['identifier', '--help'], 0, ''),
-        (['identifier', '--bag', 'none.csv'], USER_ERROR, 'the bag none.csv does not exist'),
-        (['excitation_designer', '--help'], 0, ''),
-        (['arm', 'enable'], USER_ERROR, 'arm: ROS 2 Jazzy is not found (rclpy is missing): '),
-    ],
-)
-def test_without_ros(arguments: list[str], status: int, said: str) -> None:
-    command = [sys.executable, '-c', WITHOUT_ROS, *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120.0)
-    assert done.returncode == status, done.stderr
-    assert said in done.stderr
-    assert done.stderr.count('\n') == (status != 0)
-
-
 # Those that need most, one after the other; at last something is used after all.
 HELPED = """
 import sys

@@ -46,7 +46,7 @@ class OriginalBag:
     name: str
     files: Files
     checked: bool
-    finished: bool = True
+    finished: bool
 
 
 def messages(count: int, seed: int = 1) -> list[RecordedMessage]:
@@ -62,27 +62,36 @@ def messages(count: int, seed: int = 1) -> list[RecordedMessage]:
     return made
 
 
-def originals(folder: Path) -> list[OriginalBag]:
-    """Return one bag of each kind; `folder` serves for bags that must be written to disk."""
-    made = [
-        OriginalBag('zstd', _own('zstd', 200), True),
-        OriginalBag('lz4', _own('lz4', 200), True),
-        OriginalBag('uncompressed', _own('none', 200), True),
-        OriginalBag('killed recorder', _own('zstd', 200, finished=False), True, False),
-        OriginalBag('1 MB', _own('zstd', 2400), True),
-        OriginalBag('other writer', _package(200), True),
-        OriginalBag('without checksums', _package(200, enable_crcs=False), False),
-        OriginalBag('without chunks', _package(200, use_chunking=False), False),
+def originals(folder: Path, *names: str) -> list[OriginalBag]:
+    """Return the named bags, or one of each kind; some must be written into `folder`."""
+    sqlite, by_message = StoragePlugin.SQLITE3, CompressionMode.MESSAGE
+    makers: dict[str, tuple[Callable[[], Files], bool, bool]] = {
+        'zstd': (lambda: _own('zstd', 200), True, True),
+        'lz4': (lambda: _own('lz4', 200), True, True),
+        'uncompressed': (lambda: _own('none', 200), True, True),
+        'killed recorder': (lambda: _own('zstd', 200, finished=False), True, False),
+        '1 MB': (lambda: _own('zstd', 2400), True, True),
+        'other writer': (lambda: _package(200), True, True),
+        'without checksums': (lambda: _package(200, enable_crcs=False), False, True),
+        'without chunks': (lambda: _package(200, use_chunking=False), False, True),
+        'SQLite': (lambda: _rosbags(folder / 'a', sqlite, CompressionMode.NONE), False, True),
+        'SQLite, compressed messages': (
+            lambda: _rosbags(folder / 'b', sqlite, by_message),
+            False,
+            True,
+        ),
+        'compressed file': (
+            lambda: _rosbags(folder / 'c', StoragePlugin.MCAP, CompressionMode.FILE),
+            False,
+            True,
+        ),
+        'ROS 1': (lambda: _ros1(folder / 'ros1.bag'), False, True),
+    }
+    return [
+        OriginalBag(name, make(), checked, finished)
+        for name, (make, checked, finished) in makers.items()
+        if not names or name in names
     ]
-    for name, storage, mode in (
-        ('SQLite', StoragePlugin.SQLITE3, CompressionMode.NONE),
-        ('SQLite, compressed messages', StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
-        ('compressed file', StoragePlugin.MCAP, CompressionMode.FILE),
-    ):
-        files = _rosbags(folder / name.replace(' ', '_'), 200, storage, mode)
-        made.append(OriginalBag(name, files, False))
-    made.append(OriginalBag('ROS 1', _ros1(folder / 'ros1.bag', 200), False))
-    return made
 
 
 def _own(compression: str, count: int, *, finished: bool = True) -> Files:
@@ -126,18 +135,18 @@ def _package(count: int, **options: object) -> Files:
     return {'bag.mcap': stream.getvalue()}
 
 
-def _rosbags(folder: Path, count: int, storage: StoragePlugin, mode: CompressionMode) -> Files:
+def _rosbags(folder: Path, storage: StoragePlugin, mode: CompressionMode) -> Files:
     writer = RosbagsWriter(folder, version=9, storage_plugin=storage)
     writer.set_compression(mode, CompressionFormat.ZSTD)
     store = get_typestore(Stores.ROS2_JAZZY)
     with writer:
         channels = [writer.add_connection(t.name, t.type, typestore=store) for t in TOPICS]
-        for message in messages(count):
+        for message in messages(200):
             writer.write(channels[message.topic], message.log_time, message.payload)
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-def _ros1(path: Path, count: int) -> Files:
+def _ros1(path: Path) -> Files:
     store = get_typestore(Stores.ROS2_JAZZY)
     writer = Ros1Writer(path)
     writer.chunk_threshold = 10_000
@@ -145,7 +154,7 @@ def _ros1(path: Path, count: int) -> Files:
     with writer:
         noetic = get_typestore(Stores.ROS1_NOETIC)
         channels = [writer.add_connection(t.name, t.type, typestore=noetic) for t in TOPICS]
-        for message in messages(count):
+        for message in messages(200):
             payload = store.cdr_to_ros1(message.payload, JOINT_STATE)
             writer.write(channels[message.topic], message.log_time, payload)
     return {path.name: path.read_bytes()}

@@ -7,10 +7,17 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.codecs.cdr import Payloads
+from aerarm_msgs_py.codecs.joint_state_cdr import (
+    JointStateCdr,
+    JointStateDecoder,
+    decode_as_sent,
+    decode_joint_state,
+    in_order,
+)
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
-text = st.text(st.characters(codec='utf-8', exclude_characters='\0'), max_size=12)
+text = st.text('aj1_ \u00e9\u4e2d\U0001f916', max_size=12)
 names_lists = st.lists(text, min_size=1, max_size=7, unique=True)
 stamps = st.integers(0, 2**31 * 10**9 - 1)
 numbers = st.floats(allow_nan=True, width=64)
@@ -73,11 +80,6 @@ def test_never_takes_a_message_of_other_joints_for_its_own(one, other) -> None:
     assert (found is not None) == (names == other[0] and frame_id == other[1])
 
 
-@given(st.binary(max_size=300))
-def test_random_bytes_are_no_message(data: bytes) -> None:
-    assert JointStateCdr(NAMES).unpack(data) is None
-
-
 def test_layouts_may_alternate() -> None:
     cdr = JointStateCdr(NAMES)
     q = np.arange(4.0)
@@ -87,25 +89,18 @@ def test_layouts_may_alternate() -> None:
     assert_same_fields(found[1][1:], (None, q, None))
 
 
-@pytest.mark.parametrize(
-    'change',
-    [
+def test_other_layouts_are_left_to_the_ordinary_codec() -> None:
+    cdr = JointStateCdr(NAMES)
+    for change in (
         lambda message: message.name.reverse(),
         lambda message: message.name.pop(),
         lambda message: message.position.pop(),
         lambda message: message.effort.append(1.0),
         lambda message: setattr(message.header, 'frame_id', 'world'),
-    ],
-    ids=['order', 'joints', 'short', 'long', 'frame'],
-)
-def test_other_layouts_are_left_to_the_ordinary_codec(change) -> None:
-    message = message_of(NAMES, '', 5, [np.ones(4)] * 3)
-    change(message)
-    assert JointStateCdr(NAMES).unpack(serialize_message(message)) is None
-
-
-def test_big_endian_and_cut_messages_are_left_to_the_ordinary_codec() -> None:
-    cdr = JointStateCdr(NAMES)
+    ):
+        message = message_of(NAMES, '', 5, [np.ones(4)] * 3)
+        change(message)
+        assert cdr.unpack(serialize_message(message)) is None
     payload = cdr.pack(5, *[np.ones(4)] * 3)
     assert cdr.unpack(b'\0\0' + payload[2:]) is None
     for size in range(len(payload)):
@@ -161,5 +156,61 @@ def test_refuses_wrong_lengths_and_names() -> None:
         JointStateCdr(NAMES).pack(0, [1.0])
     with pytest.raises(ValueError, match='repeated'):
         JointStateCdr(['a', 'a'])
-    with pytest.raises(ValueError, match='names'):
-        JointStateCdr([])
+
+
+def test_joints_are_ordered_by_name() -> None:
+    message = JointState(name=['a', 'b'], position=[1.0, 2.0], effort=[3.0, 4.0])
+    message.header.stamp.sec, message.header.stamp.nanosec = 5, 7
+    message.header.frame_id = 'any'
+    names, sample = decode_joint_state(serialize_message(message))
+    assert (names, sample.stamp_ns) == (('a', 'b'), 5_000_000_007)
+    ordered = in_order(names, sample, ['b', 'a'])
+    assert_same_fields(ordered[1:], ([2.0, 1.0], None, [4.0, 3.0]))
+    np.testing.assert_array_equal(in_order(names, sample, ['b']).effort, [4.0])
+    with pytest.raises(ValueError, match=r"\['c'\] are missing"):
+        in_order(names, sample, ['a', 'c'])
+
+
+def test_fields_of_a_wrong_length_are_rejected_or_returned_unchanged() -> None:
+    payload = serialize_message(JointState(name=['a', 'b'], position=[1.0]))
+    names, sample = decode_as_sent(payload)
+    assert names == ('a', 'b')
+    assert_same_fields(sample[1:], ([1.0], None, None))
+    with pytest.raises(ValueError, match='2 names, but 1 positions'):
+        decode_joint_state(payload)
+    for decode in (decode_joint_state, decode_as_sent):
+        with pytest.raises(ValueError, match='too early'):
+            decode(b'\0\1\0\0abc')
+
+
+ARMS = [JointStateCdr(names, frame) for names in (['a', 'b'], ['b', 'a'], ['a', 'bb', 'c'])
+        for frame in ('', 'base')]  # fmt: skip
+
+
+@given(st.lists(st.tuples(st.sampled_from(ARMS), st.integers(0, 7)), min_size=1, max_size=30))
+def test_a_mixture_is_decoded_message_by_message(kinds) -> None:
+    rng = np.random.default_rng(len(kinds))
+    payloads, expected = [], []
+    for k, (codec, full) in enumerate(kinds):
+        values = rng.normal(size=(3, len(codec.names)))
+        fields = [x if full >> i & 1 else None for i, x in enumerate(values)]
+        payloads.append(codec.pack(k, *fields))
+        expected.append((codec.names, fields))
+    decoder = JointStateDecoder()
+    stamp_ns, values = decoder.decode(Payloads.of(payloads))
+    assert stamp_ns.tolist() == list(range(len(kinds)))
+    for row, (names, fields) in zip(values, expected, strict=True):
+        columns = [decoder.names.index(name) for name in names]
+        for found, field in zip(row[:, columns], fields, strict=True):
+            np.testing.assert_array_equal(found, np.nan if field is None else field)
+        others = [k for k in range(len(decoder.names)) if k not in columns]
+        assert np.isnan(row[:, others]).all()
+
+
+def test_big_endian_messages() -> None:
+    body = struct.pack('>iI', 3, 4) + struct.pack('>I4s', 1, b'\0???')
+    body += struct.pack('>II2s2x', 1, 2, b'a\0')  # one name
+    body += struct.pack('>Id', 1, 1.5) + struct.pack('>I4xd', 1, 2.5) + struct.pack('>I', 0)
+    stamp_ns, values = JointStateDecoder().decode(Payloads.of([b'\0\0\0\0' + body] * 2))
+    assert stamp_ns.tolist() == [3_000_000_004] * 2
+    np.testing.assert_array_equal(values, [[[1.5], [2.5], [np.nan]]] * 2)

@@ -1,50 +1,114 @@
-"""Bags compressed as a whole, or message by message, that are damaged or bombs."""
+"""Limits, decompression, and bags compressed as a whole or message by message."""
 
+import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
+import lz4.frame
+import numpy as np
 import pytest
 import zstandard
 from bag_originals import originals
 
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
-from aerarm_msgs_py.storage.read_limits import BagError, BagWarning
+from aerarm_msgs_py.storage.compressed_file import DecompressionError, beginning, decompress
+from aerarm_msgs_py.storage.read_limits import BagError, BagWarning, ReadBudget, ReadLimits
 
 COUNT = 200
+DATA = np.random.default_rng(3).integers(0, 50, 400_000, np.uint8).tobytes()
+COMPRESS = {
+    '': bytes,
+    'lz4': lz4.frame.compress,
+    'zstd': zstandard.ZstdCompressor(write_content_size=False).compress,
+}
+BY_MESSAGE = 'SQLite, compressed messages'
 
 
-@pytest.fixture(scope='module')
-def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
-    return {bag.name: bag.files for bag in originals(tmp_path_factory.mktemp('bags'))}
+def test_the_memory_of_a_bag_is_limited_to_a_multiple_of_its_size() -> None:
+    for wrong in ({'ratio': 0.0}, {'ratio': float('nan')}, {'part_bytes': 0}):
+        with pytest.raises(BagError, match='set it to 1 or more'):
+            ReadLimits(**wrong)
+    budget = ReadBudget(Path('bag'), 10_000_000, ReadLimits(ratio=3.0))
+    budget.spend(20_000_000)
+    budget.spend(10_000_000)
+    with pytest.raises(BagError, match='10000000 bytes needs more than 3 times this size'):
+        budget.spend(1)
+    ReadBudget(Path('bag'), 1, ReadLimits(ratio=1.0)).spend(4_000_000)
 
 
-def written(folder: Path, files: dict[str, bytes]) -> Path:
-    for name, content in files.items():
-        (folder / name).write_bytes(content)
-    return folder
+@pytest.mark.parametrize('compression', COMPRESS)
+def test_data_comes_back_if_it_is_as_large_as_it_claims(compression: str) -> None:
+    compressed = COMPRESS[compression](DATA)
+    assert decompress(compressed, compression, len(DATA)) == DATA
+    for size in (0, 1, len(DATA) - 1, len(DATA) + 1, 2**40):
+        if size or compression == '':
+            with pytest.raises(DecompressionError):
+                decompress(compressed, compression, size)
+    assert decompress(COMPRESS[compression](b''), compression, 0) == b''
 
 
-def test_a_file_that_becomes_too_large_is_refused(tmp_path: Path, made) -> None:
-    bag = written(tmp_path, made['compressed file'])
+@pytest.mark.parametrize('compression', ['lz4', 'zstd'])
+def test_a_bomb_takes_no_more_memory_than_it_claims(compression: str) -> None:
+    bomb = COMPRESS[compression](bytes(200_000_000))
+    tracemalloc.start()
+    with pytest.raises(DecompressionError):
+        decompress(bomb, compression, 1000)
+    assert len(beginning(bomb, compression, 1000)) == 1000
+    assert tracemalloc.get_traced_memory()[1] < 5_000_000
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize('compression', COMPRESS)
+def test_the_beginning_of_cut_or_damaged_data_is_had(compression: str) -> None:
+    compressed = COMPRESS[compression](DATA)
+    found = beginning(compressed[: len(compressed) // 2], compression, len(DATA))
+    assert len(found) > len(DATA) // 4
+    assert DATA.startswith(found)
+    assert beginning(compressed, compression, len(DATA)) == DATA
+    assert DATA.startswith(beginning(compressed, compression, 1000))
+    if compression:
+        assert beginning(b'no frame at all', compression, 1000) == b''
+
+
+def test_an_unknown_compression_is_named() -> None:
+    with pytest.raises(DecompressionError, match="unknown compression 'brotli'"):
+        decompress(b'', 'brotli', 0)
+    assert beginning(b'abc', 'brotli', 10) == b''
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str], Path]:
+    """Return a function that writes a bag of bag_originals.py."""
+
+    def write(name: str) -> Path:
+        (bag,) = originals(tmp_path / 'made', name)
+        folder = tmp_path / 'bag'
+        folder.mkdir()
+        for file, content in bag.files.items():
+            (folder / file).write_bytes(content)
+        return folder
+
+    (tmp_path / 'made').mkdir()
+    return write
+
+
+def test_a_file_that_is_no_frame_or_becomes_too_large_is_refused(write) -> None:
+    bag = write('compressed file')
     assert len(read_joint_states(bag)) == COUNT
     file = next(bag.glob('*.zstd'))
     file.write_bytes(zstandard.compress(b'\x89MCAP0\r\n' + bytes(500_000_000)))
     with pytest.raises(BagError, match='more than 100 times this size'):
         read_joint_states(bag)
-
-
-def test_a_file_that_cannot_be_decompressed_is_refused(tmp_path: Path, made) -> None:
-    bag = written(tmp_path, made['compressed file'])
-    next(bag.glob('*.zstd')).write_bytes(b'nothing of the kind')
+    file.write_bytes(b'nothing of the kind')
     with pytest.raises(BagError, match='cannot be decompressed'):
         read_joint_states(bag)
 
 
-def test_messages_that_cannot_be_decompressed_are_counted(tmp_path: Path, made) -> None:
-    bag = written(tmp_path, made['SQLite, compressed messages'])
+def test_messages_that_cannot_be_decompressed_are_counted(write) -> None:
+    bag = write(BY_MESSAGE)
     file = next(bag.glob('*.db3'))
     content = file.read_bytes()
-    frame = b'\x28\xb5\x2f\xfd'
-    place = content.index(frame, len(content) // 2)
+    place = content.index(b'\x28\xb5\x2f\xfd', len(content) // 2)
     file.write_bytes(content[:place] + b'\0' + content[place + 1 :])
     with pytest.warns(BagWarning) as caught:
         states, motors = (

@@ -1,6 +1,5 @@
 """Files from other writers."""
 
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ from mcap.writer import CompressionType, Writer
 
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_msgs_py.storage.mcap_file import McapFile
-from aerarm_msgs_py.storage.read_limits import BagError, BagWarning, ReadBudget
+from aerarm_msgs_py.storage.read_limits import BagWarning, ReadBudget
 
 
 def opened(path: Path) -> McapFile:
@@ -48,24 +47,10 @@ def test_reads_files_of_the_mcap_package(tmp_path: Path, recording, options) -> 
 
 
 def test_blocks_hold_a_bounded_part_of_a_file_without_chunks(tmp_path: Path, recording) -> None:
-    path = write(tmp_path / 'a.mcap', recording.messages(8000), use_chunking=False)
+    path = write(tmp_path / 'a.mcap', recording.messages(4000), use_chunking=False)
     blocks = list(opened(path).blocks(['/joint_states']))
-    assert sum(len(block.payloads) for block in blocks) == 8000
-    assert max(len(block.payloads) for block in blocks) < 5000
-
-
-def test_chunks_without_a_topic_are_not_read(tmp_path: Path, recording) -> None:
-    """The first chunk contains no message of the second topic, so its damage has no effect."""
-    first, second = ([m for m in recording.messages(400) if m.topic == topic] for topic in (0, 1))
-    path = write(tmp_path / 'a.mcap', [*first, *second], chunk_size=20_000)
-    content = bytearray(path.read_bytes())
-    place = content.index(b'\x04\0\0\0zstd', content.index(b'\x04\0\0\0zstd') + 1)
-    content[place + 60] ^= 0xFF  # in the second chunk: the first one tells what the topics are
-    path.write_bytes(content)
-    (*blocks,) = opened(path).blocks(['/other'])
-    assert sum(len(block.payloads) for block in blocks) == 400
-    with pytest.warns(BagWarning, match='is damaged'):
-        assert sum(len(b.payloads) for b in opened(path).blocks(['/joint_states'])) < 400
+    assert sum(len(block.payloads) for block in blocks) == 4000
+    assert max(len(block.payloads) for block in blocks) < 3000
 
 
 def test_a_finished_file_contains_message_counts(tmp_path: Path, recording) -> None:
@@ -81,25 +66,18 @@ def test_a_finished_file_contains_message_counts(tmp_path: Path, recording) -> N
     assert file.damaged
 
 
-@pytest.mark.parametrize('cut', [1, 5, 9, 30, 100])
-def test_a_missing_end_is_warned_about(tmp_path: Path, recording, cut: int) -> None:
+def test_a_missing_end_is_warned_about(tmp_path: Path, recording) -> None:
     path = write(tmp_path / 'a.mcap', recording.messages(400), use_chunking=False)
     content = path.read_bytes()
     end = content.index(b'\x0f\x04\0\0\0\0\0\0\0')  # the record that ends the messages
-    path.write_bytes(content[: end - cut])
-    with pytest.warns(BagWarning, match='is cut off'):
-        blocks = list(opened(path).blocks(['/other']))
-    assert sum(len(block.payloads) for block in blocks) == 399
-
-
-def test_garbage_behind_the_messages_is_no_message(tmp_path: Path, recording) -> None:
-    path = write(tmp_path / 'a.mcap', recording.messages(400))
-    content = path.read_bytes()
-    end = content.index(b'\x0f\x04\0\0\0\0\0\0\0')
-    path.write_bytes(content[:end] + bytes(500))
-    with pytest.warns(BagWarning, match='is cut off'):
-        blocks = list(opened(path).blocks())
-    assert sum(len(block.payloads) for block in blocks) == 800
+    for changed, count in (
+        *((content[: end - cut], 399) for cut in (1, 5, 9, 30, 100)),
+        (content[:end] + bytes(500), 400),
+    ):
+        path.write_bytes(changed)
+        with pytest.warns(BagWarning, match='is cut off'):
+            blocks = list(opened(path).blocks(['/other']))
+        assert sum(len(block.payloads) for block in blocks) == count
 
 
 def test_an_unknown_compression_is_warned_about(tmp_path: Path, recording) -> None:
@@ -107,26 +85,3 @@ def test_an_unknown_compression_is_warned_about(tmp_path: Path, recording) -> No
     path.write_bytes(path.read_bytes().replace(b'\x04\0\0\0zstd', b'\x04\0\0\0abcd'))
     with pytest.warns(BagWarning, match="unknown compression 'abcd'"):
         assert list(opened(path).blocks()) == []
-
-
-@pytest.mark.filterwarnings('ignore::aerarm_msgs_py.storage.read_limits.BagWarning')
-@pytest.mark.parametrize('chunked', [True, False])
-def test_a_file_with_any_bytes_changed_is_read_or_refused(
-    tmp_path: Path, recording, chunked: bool
-) -> None:
-    path = write(
-        tmp_path / 'a.mcap',
-        recording.messages(20),
-        compression=CompressionType.NONE,
-        use_chunking=chunked,
-        enable_crcs=False,
-    )
-    content = path.read_bytes()
-    rng = np.random.default_rng(5)
-    for _ in range(400):
-        changed = np.frombuffer(content, np.uint8).copy()
-        places = rng.integers(8, len(changed), rng.integers(1, 6))
-        changed[places] = rng.integers(0, 256, len(places))
-        path.write_bytes(changed.tobytes())
-        with suppress(BagError):
-            read_joint_states(path)

@@ -23,7 +23,7 @@ def numbers() -> np.ndarray:
     return np.random.default_rng(4).normal(size=(COUNT, 3, len(NAMES)))
 
 
-def write(path: Path, compression: str = 'none', velocities: bool = True) -> Path:
+def write(path: Path, compression: str = 'none') -> Path:
     """Write joint states and modes, with chunks of a few dozen messages."""
     kind, header = (STORE.types[x] for x in (JOINT_STATE, 'std_msgs/msg/Header'))
     text, time = STORE.types['std_msgs/msg/String'], STORE.types['builtin_interfaces/msg/Time']
@@ -34,11 +34,10 @@ def write(path: Path, compression: str = 'none', velocities: bool = True) -> Pat
     with writer:
         states = writer.add_connection('/joint_states', kind.__msgtype__, typestore=STORE)
         modes = writer.add_connection('/arm_mode', text.__msgtype__, typestore=STORE)
-        empty = np.zeros(0)
         for k, (q, dq, tau) in enumerate(numbers()):
             stamp = START + k * 8_000_000
             stamped = header(seq=k, stamp=time(*divmod(stamp, 10**9)), frame_id='base')
-            message = kind(stamped, NAMES, q, dq if velocities else empty, tau)
+            message = kind(stamped, NAMES, q, dq, tau)
             payload = STORE.serialize_ros1(message, kind.__msgtype__)
             writer.write(states, stamp + 1000, payload)
             if k % 100 == 0:
@@ -60,12 +59,6 @@ def test_recorded_messages_are_read_back(tmp_path: Path, compression: str) -> No
     np.testing.assert_allclose(series.stamp, START / 1e9 + 8e-3 * np.arange(COUNT), atol=5e-7)
     assert [said for _, said in contents.texts['/arm_mode']] == ['mode 0', 'mode 100', 'mode 200']
     assert topics(bag)['/arm_mode'].messages == 3
-
-
-def test_fields_may_be_empty(tmp_path: Path) -> None:
-    series = read_joint_states(write(tmp_path / 'a.bag', velocities=False))
-    assert np.isnan(series.velocity).all()
-    np.testing.assert_array_equal(series.effort, numbers()[:, 2])
 
 
 def test_a_bag_without_its_end_must_be_indexed_first(tmp_path: Path) -> None:
@@ -103,7 +96,7 @@ def test_a_bomb_ends_in_one_error(tmp_path: Path) -> None:
     bag = write(tmp_path / 'a.bag', 'bz2')
     data = bag.read_bytes()
     first = data.index(b'BZh9')
-    bomb = bz2.compress(bytes(400_000_000))
+    bomb = 40 * bz2.compress(bytes(10_000_000))
     second = data.index(b'BZh9', first + 4)
     assert len(bomb) < second - first
     # Its length stays: what follows the stream's end is ignored.

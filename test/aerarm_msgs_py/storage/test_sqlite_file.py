@@ -40,10 +40,10 @@ def write(directory: Path, messages, storage: StoragePlugin, mode=CompressionMod
     ],
 )
 def test_reads_other_storages(tmp_path: Path, recording, storage, mode) -> None:
-    directory = write(tmp_path / 'bag', recording.messages(2500), storage, mode)
+    directory = write(tmp_path / 'bag', recording.messages(1100), storage, mode)
     series = read_joint_states(directory)
-    np.testing.assert_array_equal(series.position, recording.numbers(2500)[:, 0])
-    assert topics(directory)['/motor_states'].messages == 2500
+    np.testing.assert_array_equal(series.position, recording.numbers(1100)[:, 0])
+    assert topics(directory)['/motor_states'].messages == 1100
     assert topics(directory)['/motor_states'].lost is None
 
 
@@ -62,71 +62,64 @@ def database(tmp_path: Path, recording) -> Path:
     return next(directory.glob('*.db3'))
 
 
-@pytest.mark.parametrize(
-    'table',
-    [
+MANY_ROWS = (
+    'INSERT INTO messages (topic_id, timestamp) WITH RECURSIVE r(k) AS '
+    '(SELECT 1 UNION ALL SELECT k + 1 FROM r LIMIT 100000) SELECT 1, k FROM r'
+)
+COMPUTED = 'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, data AS ({}))'
+HOSTILE = {
+    'an endless view': (
+        'DROP TABLE messages',
         'CREATE VIEW messages AS WITH RECURSIVE r(id, topic_id, timestamp, data) AS (SELECT 1, 1, '
         "1, x'00' UNION ALL SELECT id + 1, 1, 1, data FROM r) SELECT * FROM r",
-        'CREATE TABLE other (id)',
-    ],
-    ids=['an endless view', 'no messages'],
-)
-def test_only_tables_are_read(database: Path, table: str) -> None:
+        'missing tables',
+    ),
+    'no messages': ('DROP TABLE messages', 'missing tables'),
+    'large computed messages': (
+        *('DROP TABLE messages', COMPUTED.format('zeroblob(60000000)'), MANY_ROWS),
+        'more (memory|time) than the limit|100 times this size',
+    ),
+    'many computed messages': (
+        *('DROP TABLE messages', COMPUTED.format('zeroblob(9000)'), MANY_ROWS),
+        'more (memory|time) than the limit|100 times this size',
+    ),
+    'computed names': (
+        'DROP TABLE topics',
+        'CREATE TABLE topics (id INTEGER PRIMARY KEY, type, serialization_format, '
+        'offered_qos_profiles, type_description_hash, name AS (hex(zeroblob(30000000))))',
+        'INSERT INTO topics (type) VALUES (1)',
+        'cannot be read|more memory than the limit',
+    ),
+    'very many topics': (
+        "INSERT INTO topics SELECT NULL, '/t' || k, 'x', 'cdr', '', '' FROM (WITH RECURSIVE r(k) "
+        'AS (SELECT 1 UNION ALL SELECT k + 1 FROM r LIMIT 5000) SELECT k FROM r)',
+        'more than 4096 topics',
+    ),
+}
+
+
+def change(database: Path, *statements: str) -> None:
     with sqlite3.connect(database) as connection:
-        connection.execute('DROP TABLE messages')
-        connection.execute(table)
+        for statement in statements:
+            connection.execute(statement)
     connection.close()
-    with pytest.raises(BagError, match='missing tables'):
-        read_joint_states(database)
 
 
-@pytest.mark.parametrize('computed', ['data AS (zeroblob(60000000))', 'data AS (zeroblob(9000))'])
-def test_tables_that_compute_end_in_one_error(database: Path, computed: str) -> None:
-    """A computed table generates any number of rows from a few bytes."""
-    with sqlite3.connect(database) as connection:
-        connection.execute('DROP TABLE messages')
-        connection.execute(
-            f'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, {computed})'
-        )
-        connection.execute(
-            'INSERT INTO messages (topic_id, timestamp) WITH RECURSIVE r(k) AS '
-            '(SELECT 1 UNION ALL SELECT k + 1 FROM r LIMIT 100000) SELECT 1, k FROM r'
-        )
-    connection.close()
-    with pytest.raises(BagError, match='more (memory|time) than the limit|100 times this size'):
-        read_joint_states(database)
-
-
-def test_names_that_compute_end_in_one_error(database: Path) -> None:
-    with sqlite3.connect(database) as connection:
-        connection.execute('DROP TABLE topics')
-        connection.execute(
-            'CREATE TABLE topics (id INTEGER PRIMARY KEY, type, serialization_format, '
-            'offered_qos_profiles, type_description_hash, name AS (hex(zeroblob(30000000))))'
-        )
-        connection.execute('INSERT INTO topics (type) VALUES (1)')
-    connection.close()
-    with pytest.raises(BagError, match='cannot be read|more memory than the limit'):
-        read_joint_states(database)
-
-
-def test_topics_have_a_number_and_a_length(database: Path) -> None:
-    with sqlite3.connect(database) as connection:
-        connection.executemany(
-            "INSERT INTO topics VALUES (NULL, ?, 'x', 'cdr', '', '')",
-            [(f'/t{k}',) for k in range(5000)],
-        )
-    connection.close()
-    with pytest.raises(BagError, match='more than 4096 topics'):
+@pytest.mark.parametrize('case', HOSTILE)
+def test_hostile_tables_end_in_one_error(database: Path, case: str) -> None:
+    *statements, said = HOSTILE[case]
+    change(database, *statements)
+    with pytest.raises(BagError, match=said):
         read_joint_states(database)
 
 
 def test_values_of_other_types_are_ignored_with_a_warning(database: Path) -> None:
-    with sqlite3.connect(database) as connection:
-        connection.execute("UPDATE messages SET timestamp = 'late' WHERE id = 7")
-        connection.execute('UPDATE messages SET data = 3.5 WHERE id = 9')
-        connection.execute('UPDATE messages SET topic_id = 77 WHERE id = 11')
-    connection.close()
+    change(
+        database,
+        "UPDATE messages SET timestamp = 'late' WHERE id = 7",
+        'UPDATE messages SET data = 3.5 WHERE id = 9',
+        'UPDATE messages SET topic_id = 77 WHERE id = 11',
+    )
     with pytest.warns(BagWarning, match='ignores 3 messages with values of a wrong type'):
         assert len(read_joint_states(database)) == 497
 
