@@ -69,14 +69,14 @@ class LinkPoses:
     ----------
     position : (M, 3) ndarray
         Position of the frame [m].
-    jacobian : (M, 6, P) ndarray or None
+    jacobian : (M, 6, P) ndarray
         Derivatives of the frame's position (rows 0-2) and orientation (rows 3-5) with respect to
         each error, in base axes; columns in the order of `ArmGeometry.names`.
     """
 
     rotation: Array
     position: Array
-    jacobian: Array | None = None
+    jacobian: Array
 
 
 class ArmGeometry:
@@ -128,6 +128,7 @@ class ArmGeometry:
         self.joint_names = robot.joint_names[: self._count]
         self.names = tuple(f'{joint}.{kind}' for joint in self.joint_names for kind in KINDS)
         self.typical = self._typical(tolerance or Tolerance())
+        self._latest: tuple[Any, LinkPoses] | None = None
 
     @property
     def n(self) -> int:
@@ -164,13 +165,13 @@ class ArmGeometry:
             return 'm'
         return 'rad'
 
-    def true_positions(self, q: Array, errors: Array) -> Array:
+    def _true_positions(self, q: Array, errors: Array, torque: Array) -> Array:
         """Return the true joint positions (M, n): recorded positions plus the joints' errors."""
         value = errors.reshape(self._count, len(KINDS))
         column = {kind: value[:, k] for k, kind in enumerate(KINDS)}
         true = np.array(q, dtype=float)
         k = slice(None, self._count)
-        true[:, k] += column['offset'] - column['compliance'] * self.gravity_torque(q)[:, k]
+        true[:, k] += column['offset'] - column['compliance'] * torque[:, k]
         true[:, k] += column['sin'] * np.sin(q[:, k]) + column['cos'] * np.cos(q[:, k])
         return true
 
@@ -180,31 +181,37 @@ class ArmGeometry:
         data = model.createData()
         return np.array([pin.computeGeneralizedGravity(model, data, row).copy() for row in q])
 
-    def poses(self, q: Array, errors: Array, with_jacobian: bool = False) -> LinkPoses:
-        """Return the link's poses for joint positions and errors, optionally with derivatives.
+    def poses(self, q: Array, errors: Array) -> LinkPoses:
+        """Return the link's poses for joint positions and errors, with derivatives.
+
+        The result of the latest call is kept: a solver requests residuals, then derivatives.
 
         Parameters
         ----------
         q : (M, n) ndarray
             Recorded joint positions of the robot [rad].
         """
+        key = q.shape, q.tobytes(), errors.tobytes()
+        if self._latest is None or self._latest[0] != key:
+            self._latest = key, self._computed(q, errors)
+        return self._latest[1]
+
+    def _computed(self, q: Array, errors: Array) -> LinkPoses:
         model, inner = self.placed(errors)
         data = model.createData()
         count = self._count
+        torque = self.gravity_torque(q)
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-        regressor = np.empty((len(q), 6, 6 * count)) if with_jacobian else None
+        regressor = np.empty((len(q), 6, 6 * count))
         frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        for row, true in enumerate(self.true_positions(q, errors)):
+        for row, true in enumerate(self._true_positions(q, errors, torque)):
             pin.forwardKinematics(model, data, true)
             pose = data.oMi[count] * self._placement
             rotation[row], position[row] = pose.rotation, pose.translation
-            if regressor is not None:
-                regressor[row] = pin.computeJointKinematicRegressor(
-                    model, data, count, frame, self._placement
-                )[:, : 6 * count]
-        if regressor is None:
-            return LinkPoses(rotation, position)
-        return LinkPoses(rotation, position, self._jacobian(q, regressor, inner))
+            regressor[row] = pin.computeJointKinematicRegressor(
+                model, data, count, frame, self._placement
+            )[:, : 6 * count]
+        return LinkPoses(rotation, position, self._jacobian(q, torque, regressor, inner))
 
     def placed(self, errors: Array) -> tuple[Any, list[Array]]:
         """Return a pinocchio.Model with displaced joints, and a (6, 6) derivative per joint."""
@@ -219,9 +226,8 @@ class ArmGeometry:
             inner.append(derivative)
         return model, inner
 
-    def _jacobian(self, q: Array, regressor: Array, inner: list[Array]) -> Array:
+    def _jacobian(self, q: Array, torque: Array, regressor: Array, inner: list[Array]) -> Array:
         jacobian = np.zeros((len(q), 6, len(self.names)))
-        torque = self.gravity_torque(q)
         for i in range(self._count):
             local = regressor[:, :, 6 * i : 6 * i + 6]
             start = i * len(KINDS)

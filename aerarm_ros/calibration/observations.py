@@ -28,6 +28,7 @@ class CalibrationError(ValueError):
 
 
 _AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
+_REGISTERED = 150  # largest number of postures from which a registration starts
 _STARTS = 400  # number of initial base rotations that a registration tries
 _SPREAD = 0.35  # [rad] typical angle between the true base rotation and the nearest initial one
 _REFINED = 6
@@ -66,7 +67,8 @@ class Source(ABC):
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """Return the derivatives of the residuals by the geometric errors and unknowns.
 
-        The arrays are (M, K, P) for P geometric errors, and (M, K, U) for U unknowns of the source.
+        The arrays are (M, K, P) for the P columns of `poses.jacobian`, and (M, K, U) for the U
+        unknowns of the source.
         """
 
     @abstractmethod
@@ -80,7 +82,10 @@ class Source(ABC):
         """
         if self.base_known:
             return self._linear(poses, np.eye(3))[1]
-        return _best_start(lambda rotation: self._linear(poses, rotation))
+        some = np.unique(np.linspace(0, len(poses.position) - 1, _REGISTERED).astype(int))
+        source = self.rows(some)
+        poses = LinkPoses(poses.rotation[some], poses.position[some], poses.jacobian[some])
+        return _best_start(lambda rotation: source._linear(poses, rotation))
 
     @abstractmethod
     def moved(self, state: Array, step: Array) -> Array:
@@ -146,7 +151,6 @@ class MarkerSource(Source):
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """Return the derivatives of the residuals by geometric errors and by the unknowns."""
-        assert poses.jacobian is not None
         (rotation, _), places = base_pose(state), state[12:].reshape(-1, 3)
         count, markers = len(self.position), len(self.names)
         lever = np.einsum('mij,kj->mki', poses.rotation, places)
@@ -242,7 +246,6 @@ class PoseSource(Source):
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """Return derivatives of the residuals by errors and unknowns, for small rotations."""
-        assert poses.jacobian is not None
         base, _, attached = _split_poses(state)
         lever = poses.rotation @ attached[1]
         linear, angular = poses.jacobian[:, :3], poses.jacobian[:, 3:]
@@ -362,7 +365,6 @@ class PlaneSource(Source):
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """Return the derivatives of the distances by geometric errors and by the unknowns."""
-        assert poses.jacobian is not None
         normal, lever = state[:3], poses.rotation @ state[4:]
         point = poses.position + lever
         linear, angular = poses.jacobian[:, :3], poses.jacobian[:, 3:]

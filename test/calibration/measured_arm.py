@@ -75,3 +75,7 @@ class MeasuredArm:
             self.put(row)
             found.append(self.mocap.true_positions(self.plant))
         return np.array(found)
+
+    def true_observations(self, q: np.ndarray) -> Observations:
+        """Return complete measurements without noise, for residuals of held-out postures."""
+        return Observations(q, (MarkerSource('mocap', self.mocap.names, self.true_positions(q)),))
