@@ -11,7 +11,7 @@ import pinocchio as pin
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
-KINDS = ('offset', 'x', 'y', 'z', 'rx', 'ry', 'rz', 'compliance', 'sin', 'cos')
+KINDS = ('offset', 'x', 'y', 'z', 'rx', 'ry', 'rz', 'compliance')
 """Kinds of geometric errors of a joint, in the order in which the calibration adds them.
 
 offset
@@ -20,11 +20,8 @@ x, y, z, rx, ry, rz
     Displacement [m] and rotation vector [rad] of the joint's frame, in its frame in the URDF.
 compliance
     Deflection under the torque of gravity [rad/Nm].
-sin, cos
-    First harmonic of the gear's eccentricity: added to the position times sin q, cos q [rad].
 """
 LINK_GEOMETRY = ('x', 'y', 'z', 'rx', 'ry', 'rz')
-ECCENTRICITY = ('sin', 'cos')
 
 
 @dataclass(frozen=True)
@@ -36,8 +33,8 @@ class Tolerance:
     length : float
         Displacement of a joint's frame per axis, and offset of a prismatic joint [m].
     angle : float
-        Rotation of a joint's frame per axis, and eccentricity of a gear [rad]. Joint offsets, and
-        deflections under the largest gravity torque of a joint, are typically twice as large.
+        Rotation of a joint's frame per axis [rad]. Joint offsets, and deflections under the
+        largest gravity torque of a joint, are typically twice as large.
     """
 
     length: float = 2e-3
@@ -84,10 +81,9 @@ class ArmGeometry:
 
     The pose of the link is ``M_1 E_1 J_1(p_1) ... M_k E_k J_k(p_k)``, with the joint placements
     ``M`` of the URDF, the errors ``E`` (displacement and rotation of a joint's frame), and the
-    joint transformations ``J`` at the true joint positions ``p = q + offset - compliance g(q) +
-    sin sin(q) + cos cos(q)``, where ``g`` is the joint's gravity torque computed with the URDF's
-    masses. Derivatives come from Pinocchio's kinematic regressor, which has a column for every
-    displacement of every joint.
+    joint transformations ``J`` at the true joint positions ``p = q + offset - compliance g(q)``,
+    where ``g`` is the joint's gravity torque computed with the URDF's masses. Derivatives come
+    from Pinocchio's kinematic regressor, which has a column for every displacement of every joint.
 
     Parameters
     ----------
@@ -167,12 +163,9 @@ class ArmGeometry:
 
     def _true_positions(self, q: Array, errors: Array, torque: Array) -> Array:
         """Return the true joint positions (M, n): recorded positions plus the joints' errors."""
-        value = errors.reshape(self._count, len(KINDS))
-        column = {kind: value[:, k] for k, kind in enumerate(KINDS)}
+        offset, *_, compliance = errors.reshape(self._count, len(KINDS)).T
         true = np.array(q, dtype=float)
-        k = slice(None, self._count)
-        true[:, k] += column['offset'] - column['compliance'] * torque[:, k]
-        true[:, k] += column['sin'] * np.sin(q[:, k]) + column['cos'] * np.cos(q[:, k])
+        true[:, : self._count] += offset - compliance * torque[:, : self._count]
         return true
 
     def gravity_torque(self, q: Array) -> Array:
@@ -232,20 +225,14 @@ class ArmGeometry:
             local = regressor[:, :, 6 * i : 6 * i + 6]
             start = i * len(KINDS)
             along = local @ self._subspaces[i]
-            factors = {
-                'offset': np.ones(len(q)),
-                'compliance': -torque[:, i],
-                'sin': np.sin(q[:, i]),
-                'cos': np.cos(q[:, i]),
-            }
-            for kind, factor in factors.items():
-                jacobian[:, :, start + KINDS.index(kind)] = along * factor[:, None]
+            jacobian[:, :, start] = along
             jacobian[:, :, start + 1 : start + 7] = local @ inner[i]
+            jacobian[:, :, start + 7] = along * -torque[:, i, None]
         return jacobian
 
 
 def error_transform(value: Array) -> Any:
-    """Return the displacement of a joint's frame (pinocchio.SE3) due to the errors (10,)."""
+    """Return the displacement of a joint's frame (pinocchio.SE3) due to the errors (8,)."""
     return pin.SE3(pin.exp3(np.array(value[4:7])), np.array(value[1:4]))
 
 

@@ -17,7 +17,6 @@ from aerarm_ros.calibration.observations import (
     CalibrationError,
     MarkerSource,
     Observations,
-    PlaneSource,
     PoseSource,
 )
 from aerarm_ros.motion.signals import Array
@@ -131,28 +130,14 @@ def test_joint_positions_in_degrees_missing_or_reversed_are_named(good: Observat
 
 
 def test_a_source_without_measurements_is_named(good: Observations) -> None:
-    rotation = np.full((len(good), 3, 3), np.nan)
-    for source in (
-        PlaneSource('table', np.zeros(len(good))),
-        PoseSource('camera', rotation, markers(good).position[:, 0]),
-    ):
-        text = refused(replace(good, sources=(*good.sources, source)))
-        assert text == f'{source.name} {UNSEEN} {source.name}'
-    plane = PlaneSource('table', np.ones(len(good)))
-    with pytest.raises(CalibrationError, match='other have no measurements of table: .*--ignore'):
-        calibrate(
-            own_chain(), replace(good, sources=(plane, *good.sources)), [HeldOut('other', good)]
-        )
-
-
-def test_a_fit_ignores_a_source_without_measurements_in_its_postures(good: Observations) -> None:
-    touches = np.zeros(len(good))
-    touches[:8] = 1.0
-    start = registered(
-        ArmGeometry(ROBOT, LINK), replace(good, sources=(PlaneSource('table', touches),))
-    )
-    fit = fitted(start, (), start.observations.rows(range(8, 30)))
-    assert fit.repeats == 1.0 and np.isfinite(fit.length)
+    rotation, position = np.full((len(good), 3, 3), np.nan), markers(good).position[:, 0]
+    camera = PoseSource('camera', rotation, position)
+    text = refused(replace(good, sources=(*good.sources, camera)))
+    assert text == f'camera {UNSEEN} camera'
+    seen = replace(camera, rotation=np.tile(np.eye(3), (len(good), 1, 1)))
+    both = replace(good, sources=(seen, *good.sources))
+    with pytest.raises(CalibrationError, match='other have no measurements of camera: .*--ignore'):
+        calibrate(own_chain(), both, [HeldOut('other', good)])
 
 
 def test_postures_in_which_a_joint_rests_name_the_offset_that_they_hide() -> None:

@@ -9,7 +9,7 @@ from measured_arm import LINK, ROBOT, MeasuredArm, own_chain
 from aerarm_ros.calibration.calibrate import Calibration, CalibrationOptions, HeldOut, calibrate
 from aerarm_ros.calibration.choice import LEVELS, identifiable
 from aerarm_ros.calibration.fit import Fit, fitted, registered
-from aerarm_ros.calibration.geometry import ECCENTRICITY, ArmGeometry
+from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import MarkerSource, Observations
 from aerarm_ros.motion.signals import Array
 
@@ -128,19 +128,3 @@ def test_an_outlier_does_not_move_the_estimate(calibration: Calibration) -> None
     truth = arm.true_observations(arm.postures(20, seed=2))
     assert calibration.errors(calibration.fit, truth)[0] < 0.15e-3
     assert calibration.errors(found, truth)[0] < 0.3e-3
-
-
-def test_the_first_harmonic_of_the_gears_is_recovered() -> None:
-    wobble = 1e-3 * np.array([[4.0, -6.0], [7.0, 3.0], [-5.0, 8.0], [0.0, 0.0]])
-    arm = MeasuredArm(5, frames=10, wobble=wobble)
-    start = registered(ArmGeometry(ROBOT, LINK), arm.observe(arm.postures(50)))
-    kinds = LEVELS['geometry']
-    plain = fitted(start, identifiable(start, kinds).columns)
-    fit = fitted(start, identifiable(start, (*kinds, *ECCENTRICITY)).columns)
-    truth = arm.true_observations(arm.postures(20, seed=1))
-    errors = [np.sqrt(np.mean(one.residuals(truth)[0] ** 2)) for one in (plain, fit)]
-    assert errors[0] > 5.0 * errors[1] and errors[1] < 0.2e-3
-    # joint2 moves the markers about a horizontal axis, so nothing else looks like its waves.
-    for kind, expected in zip(ECCENTRICITY, wobble[1], strict=True):
-        column = fit.geometry.names.index(f'joint2.{kind}')
-        assert fit.errors[column] == pytest.approx(expected, abs=1e-3)
