@@ -28,10 +28,7 @@ from aerarm_ros.calibration.choice import (
 )
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry, Tolerance
-from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Mask, Observations
-
-# joint motion [rad], [m] by which a posture may lie outside the range of the fitted postures
-_RANGE_MARGIN = 0.05
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
 
 
 @dataclass(frozen=True)
@@ -45,15 +42,12 @@ class CalibrationOptions:
         'auto': the level that predicts held-out postures best.
     compliance : bool
         Whether to try models with joint deflection under gravity; requires a URDF with masses.
-    eccentricity : bool
-        Whether to try models with a gear error of one sine wave per joint turn.
     tolerance : Tolerance
         Typical errors of the URDF.
     """
 
     level: str = 'auto'
     compliance: bool = True
-    eccentricity: bool = False
     tolerance: Tolerance = field(default_factory=Tolerance)
 
     def __post_init__(self) -> None:
@@ -136,13 +130,6 @@ class Calibration:
         fits = self.registration, self.fit
         return tuple(self.errors(fit, observations) for fit in fits)
 
-    def within(self, observations: Observations) -> Mask:
-        """Return a mask (M,) of the postures within the joint ranges of the fitted postures."""
-        n = self.fit.geometry.n
-        fitted_to, q = self.observations.q[:, :n], observations.q[:, :n]
-        low, high = fitted_to.min(axis=0) - _RANGE_MARGIN, fitted_to.max(axis=0) + _RANGE_MARGIN
-        return np.asarray(((q >= low) & (q <= high)).all(axis=1))
-
     def marker_errors(self, observations: Observations) -> dict[str, float]:
         """Return the RMS position error of each marker or body [m]."""
         residuals = self.fit.residuals(observations)
@@ -199,15 +186,14 @@ def calibrate(
     check_unknowns(start)
     offsets = identifiable(start, LEVELS['offsets'])
     check_misfit(fitted(start, offsets.columns))
-    if options.level != 'frames':
-        messages += check_offsets(start, offsets)
+    messages += check_offsets(start, offsets)
     compliance = options.compliance and chain.has_masses
     if options.compliance and not chain.has_masses:
         messages.append(
             'the URDF contains no masses, so the deflection of the joints under gravity is '
             'not estimated'
         )
-    best, tried = chosen(start, options.level, compliance, options.eccentricity)
+    best, tried = chosen(start, options.level, compliance)
     kinds = LEVELS['geometry' if options.level == 'auto' else options.level]
     kinds = (*kinds, *(('compliance',) if compliance else ()))
     found = identifiable(start, kinds)

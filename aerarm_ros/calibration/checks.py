@@ -14,7 +14,6 @@ from aerarm_ros.calibration.observations import (
     CalibrationError,
     MarkerSource,
     Observations,
-    PlaneSource,
     PoseSource,
 )
 from aerarm_ros.motion.signals import Array
@@ -48,9 +47,7 @@ def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
                 'is ignored'
             )
     names = tuple(source.names[k] for k in kept)
-    return MarkerSource(
-        source.name, names, source.position[:, kept], base_known=source.base_known
-    ), messages
+    return MarkerSource(source.name, names, source.position[:, kept]), messages
 
 
 def _same(one: Array, other: Array) -> bool:
@@ -128,8 +125,6 @@ def check_units(observations: Observations, geometry: ArmGeometry) -> None:
     """
     predicted = _spread(geometry.poses(observations.q, np.zeros(len(geometry.names))).position)
     for source in observations.sources:
-        if isinstance(source, PlaneSource):
-            continue
         assert isinstance(source, MarkerSource | PoseSource)
         position = source.position
         if position.ndim == 3:

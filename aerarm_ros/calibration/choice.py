@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from aerarm_ros.calibration.fit import Fit, fitted, free_columns
-from aerarm_ros.calibration.geometry import ECCENTRICITY, KINDS, LINK_GEOMETRY, ArmGeometry
+from aerarm_ros.calibration.geometry import KINDS, LINK_GEOMETRY
 from aerarm_ros.calibration.observations import CalibrationError, Mask, Observations, Source
 from aerarm_ros.motion.signals import Array
 
@@ -25,7 +26,7 @@ _STILL = 0.3  # [rad] range over all postures below which a joint hardly moves
 _GAIN = 0.5  # standard errors by which a larger model must predict better
 _LEAST_GAIN = 0.015  # fraction by which the prediction errors of a larger model must be smaller
 
-LEVELS = {'frames': (), 'offsets': ('offset',), 'geometry': ('offset', *LINK_GEOMETRY)}
+LEVELS = {'offsets': ('offset',), 'geometry': ('offset', *LINK_GEOMETRY)}
 """Kinds of geometric errors that a calibration estimates, by the option `level`."""
 
 
@@ -83,7 +84,6 @@ def identifiable(start: Fit, kinds: Sequence[str]) -> Identifiable:
     given postures do not, is hidden.
     """
     wanted = [k for kind in KINDS if kind in kinds for k in start.geometry.columns(kind)]
-    wanted = [k for k in wanted if _has_effect(start.geometry, k)]
     found = _independent(start, wanted)
     possible = _independent(_in_random_postures(start), wanted)
     others = [k for k in wanted if k not in found]
@@ -158,9 +158,7 @@ def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
     )
 
 
-def chosen(
-    start: Fit, level: str, compliance: bool, eccentricity: bool
-) -> tuple[Candidate, list[Candidate]]:
+def chosen(start: Fit, level: str, compliance: bool) -> tuple[Candidate, list[Candidate]]:
     """Return the set of geometric errors that predicts best, and all sets that were tried.
 
     In each model, errors within 1.4 standard deviations of nominal are set to nominal, as long as
@@ -174,8 +172,8 @@ def chosen(
         Registration of the nominal geometry.
     level : {'offsets', 'geometry', 'auto'}
         Largest set of errors, or automatic choice.
-    compliance, eccentricity : bool
-        Whether to try models with joint compliance and gear eccentricity.
+    compliance : bool
+        Whether to try models with joint compliance.
     """
     names = {'auto': ('offsets', 'geometry')}.get(level, (level,))
     scale = fitted(start, identifiable(start, LEVELS[names[0]]).columns)
@@ -183,8 +181,10 @@ def chosen(
     tried = [_candidate('frames', start, (), noise)]
     measured = sum(int(np.isfinite(residual).sum()) for residual in start.residuals())
     best: Candidate | None = None
-    for name, kinds in _models(names, compliance, eccentricity):
-        columns = identifiable(start, kinds).columns
+    extras = [('', ()), (' + compliance', ('compliance',))] if compliance else [('', ())]
+    for level, (label, kinds) in product(names, extras):
+        name = f'{level}{label}'
+        columns = identifiable(start, (*LEVELS[level], *kinds)).columns
         if not columns or len(columns) >= measured // 2:
             continue
         other = whole = _candidate(name, start, columns, noise)
@@ -197,23 +197,6 @@ def chosen(
         if best is None or _predicts_better(other, best):
             best = other
     return best or tried[0], tried
-
-
-def _models(
-    names: Sequence[str], compliance: bool, eccentricity: bool
-) -> list[tuple[str, tuple[str, ...]]]:
-    """Return name and kinds of errors of each model to try, the smallest model first."""
-    extras: list[tuple[str, tuple[str, ...]]] = [('', ())]
-    if compliance:
-        extras.append((' + compliance', ('compliance',)))
-    if eccentricity:
-        extras += [(f'{label} + eccentricity', (*kinds, *ECCENTRICITY)) for label, kinds in extras]
-    return [
-        (f'{name}{label}', (*LEVELS[name], *kinds))
-        for name in names
-        if name != 'frames'
-        for label, kinds in extras
-    ]
 
 
 def insignificant(fit: Fit) -> list[int]:
@@ -293,12 +276,6 @@ def _predicts_better(one: Candidate, other: Candidate) -> bool:
     error = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
     least = max(_GAIN * error, _LEAST_GAIN * float(np.mean(other.predicted)))
     return bool(float(np.mean(gain)) > least)
-
-
-def _has_effect(geometry: ArmGeometry, column: int) -> bool:
-    """Return whether the error exists for this joint: prismatic joints have no eccentricity."""
-    joint, kind = divmod(column, len(KINDS))
-    return not (geometry.is_prismatic(joint) and KINDS[kind] in ECCENTRICITY)
 
 
 def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list[int]:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from aerarm_ros.calibration.calibrate import Calibration
 from aerarm_ros.calibration.fit import Fit
 from aerarm_ros.calibration.geometry import KINDS, LINK_GEOMETRY, error_transform
-from aerarm_ros.calibration.observations import MarkerSource, PlaneSource, base_pose
+from aerarm_ros.calibration.observations import MarkerSource, base_pose
 from aerarm_ros.description.config_reader import read_yaml, yaml_text
 from aerarm_ros.description.urdf_document import CALIBRATED, numbers_text
 from aerarm_ros.identification.files.identified_robot import before_root
@@ -100,7 +100,6 @@ def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
         'offsets': _pairs(calibration.joint_values('offset')),
         'geometry': _by_joint(calibration, LINK_GEOMETRY),
         'compliance': _pairs(calibration.joint_values('compliance')),
-        'eccentricity': _by_joint(calibration, ('sin', 'cos')),
         'noise': {'position': float(fit.length), 'angle': float(fit.angle)},
         'frames': frames(fit),
         'as_drawn': calibration.as_drawn,
@@ -170,15 +169,7 @@ def frames(fit: Fit) -> dict[str, Any]:
     """Return each sensor's pose of the arm's base, and the marker positions on the link."""
     found: dict[str, Any] = {}
     for source, state in zip(fit.observations.sources, fit.states, strict=True):
-        if isinstance(source, PlaneSource):
-            found[source.name] = {
-                'plane_in_base': [*state[:3].tolist(), float(state[3])],
-                'tip_in_link': state[4:].tolist(),
-            }
-            continue
-        entry: dict[str, Any] = {}
-        if not source.base_known:
-            entry['base_in_sensor'] = _pose(*base_pose(state))
+        entry: dict[str, Any] = {'base_in_sensor': _pose(*base_pose(state))}
         if isinstance(source, MarkerSource):
             places = state[12:].reshape(-1, 3)
             entry['markers_in_link'] = {

@@ -69,13 +69,14 @@ class Fit:
     def jacobian(self) -> list[Array]:
         """Return the derivatives of `residuals` by the free errors and all unknowns, per source."""
         observations, free, begin = self.observations, list(self.free), len(self.free)
-        poses = self.geometry.poses(observations.q, self.errors, with_jacobian=True)
+        poses = self.geometry.poses(observations.q, self.errors)
+        poses = replace(poses, jacobian=poses.jacobian[:, :, free])
         found = []
         for source, state in zip(observations.sources, self.states, strict=True):
             by_errors, by_unknowns = source.jacobians(poses, state)
             jacobian = np.zeros((*by_errors.shape[:2], len(self.names)))
             end = begin + by_unknowns.shape[2]
-            jacobian[:, :, : len(free)] = by_errors[:, :, free]
+            jacobian[:, :, : len(free)] = by_errors
             jacobian[:, :, begin:end] = by_unknowns
             begin = end
             found.append(jacobian)

@@ -11,7 +11,7 @@ import pinocchio as pin
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
-KINDS = ('offset', 'x', 'y', 'z', 'rx', 'ry', 'rz', 'compliance', 'sin', 'cos')
+KINDS = ('offset', 'x', 'y', 'z', 'rx', 'ry', 'rz', 'compliance')
 """Kinds of geometric errors of a joint, in the order in which the calibration adds them.
 
 offset
@@ -20,11 +20,8 @@ x, y, z, rx, ry, rz
     Displacement [m] and rotation vector [rad] of the joint's frame, in its frame in the URDF.
 compliance
     Deflection under the torque of gravity [rad/Nm].
-sin, cos
-    First harmonic of the gear's eccentricity: added to the position times sin q, cos q [rad].
 """
 LINK_GEOMETRY = ('x', 'y', 'z', 'rx', 'ry', 'rz')
-ECCENTRICITY = ('sin', 'cos')
 
 
 @dataclass(frozen=True)
@@ -36,8 +33,8 @@ class Tolerance:
     length : float
         Displacement of a joint's frame per axis, and offset of a prismatic joint [m].
     angle : float
-        Rotation of a joint's frame per axis, and eccentricity of a gear [rad]. Joint offsets, and
-        deflections under the largest gravity torque of a joint, are typically twice as large.
+        Rotation of a joint's frame per axis [rad]. Joint offsets, and deflections under the
+        largest gravity torque of a joint, are typically twice as large.
     """
 
     length: float = 2e-3
@@ -69,14 +66,14 @@ class LinkPoses:
     ----------
     position : (M, 3) ndarray
         Position of the frame [m].
-    jacobian : (M, 6, P) ndarray or None
+    jacobian : (M, 6, P) ndarray
         Derivatives of the frame's position (rows 0-2) and orientation (rows 3-5) with respect to
         each error, in base axes; columns in the order of `ArmGeometry.names`.
     """
 
     rotation: Array
     position: Array
-    jacobian: Array | None = None
+    jacobian: Array
 
 
 class ArmGeometry:
@@ -84,10 +81,9 @@ class ArmGeometry:
 
     The pose of the link is ``M_1 E_1 J_1(p_1) ... M_k E_k J_k(p_k)``, with the joint placements
     ``M`` of the URDF, the errors ``E`` (displacement and rotation of a joint's frame), and the
-    joint transformations ``J`` at the true joint positions ``p = q + offset - compliance g(q) +
-    sin sin(q) + cos cos(q)``, where ``g`` is the joint's gravity torque computed with the URDF's
-    masses. Derivatives come from Pinocchio's kinematic regressor, which has a column for every
-    displacement of every joint.
+    joint transformations ``J`` at the true joint positions ``p = q + offset - compliance g(q)``,
+    where ``g`` is the joint's gravity torque computed with the URDF's masses. Derivatives come
+    from Pinocchio's kinematic regressor, which has a column for every displacement of every joint.
 
     Parameters
     ----------
@@ -128,6 +124,7 @@ class ArmGeometry:
         self.joint_names = robot.joint_names[: self._count]
         self.names = tuple(f'{joint}.{kind}' for joint in self.joint_names for kind in KINDS)
         self.typical = self._typical(tolerance or Tolerance())
+        self._latest: tuple[Any, LinkPoses] | None = None
 
     @property
     def n(self) -> int:
@@ -164,14 +161,11 @@ class ArmGeometry:
             return 'm'
         return 'rad'
 
-    def true_positions(self, q: Array, errors: Array) -> Array:
+    def _true_positions(self, q: Array, errors: Array, torque: Array) -> Array:
         """Return the true joint positions (M, n): recorded positions plus the joints' errors."""
-        value = errors.reshape(self._count, len(KINDS))
-        column = {kind: value[:, k] for k, kind in enumerate(KINDS)}
+        offset, *_, compliance = errors.reshape(self._count, len(KINDS)).T
         true = np.array(q, dtype=float)
-        k = slice(None, self._count)
-        true[:, k] += column['offset'] - column['compliance'] * self.gravity_torque(q)[:, k]
-        true[:, k] += column['sin'] * np.sin(q[:, k]) + column['cos'] * np.cos(q[:, k])
+        true[:, : self._count] += offset - compliance * torque[:, : self._count]
         return true
 
     def gravity_torque(self, q: Array) -> Array:
@@ -180,31 +174,37 @@ class ArmGeometry:
         data = model.createData()
         return np.array([pin.computeGeneralizedGravity(model, data, row).copy() for row in q])
 
-    def poses(self, q: Array, errors: Array, with_jacobian: bool = False) -> LinkPoses:
-        """Return the link's poses for joint positions and errors, optionally with derivatives.
+    def poses(self, q: Array, errors: Array) -> LinkPoses:
+        """Return the link's poses for joint positions and errors, with derivatives.
+
+        The result of the latest call is kept: a solver requests residuals, then derivatives.
 
         Parameters
         ----------
         q : (M, n) ndarray
             Recorded joint positions of the robot [rad].
         """
+        key = q.shape, q.tobytes(), errors.tobytes()
+        if self._latest is None or self._latest[0] != key:
+            self._latest = key, self._computed(q, errors)
+        return self._latest[1]
+
+    def _computed(self, q: Array, errors: Array) -> LinkPoses:
         model, inner = self.placed(errors)
         data = model.createData()
         count = self._count
+        torque = self.gravity_torque(q)
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-        regressor = np.empty((len(q), 6, 6 * count)) if with_jacobian else None
+        regressor = np.empty((len(q), 6, 6 * count))
         frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        for row, true in enumerate(self.true_positions(q, errors)):
+        for row, true in enumerate(self._true_positions(q, errors, torque)):
             pin.forwardKinematics(model, data, true)
             pose = data.oMi[count] * self._placement
             rotation[row], position[row] = pose.rotation, pose.translation
-            if regressor is not None:
-                regressor[row] = pin.computeJointKinematicRegressor(
-                    model, data, count, frame, self._placement
-                )[:, : 6 * count]
-        if regressor is None:
-            return LinkPoses(rotation, position)
-        return LinkPoses(rotation, position, self._jacobian(q, regressor, inner))
+            regressor[row] = pin.computeJointKinematicRegressor(
+                model, data, count, frame, self._placement
+            )[:, : 6 * count]
+        return LinkPoses(rotation, position, self._jacobian(q, torque, regressor, inner))
 
     def placed(self, errors: Array) -> tuple[Any, list[Array]]:
         """Return a pinocchio.Model with displaced joints, and a (6, 6) derivative per joint."""
@@ -219,27 +219,20 @@ class ArmGeometry:
             inner.append(derivative)
         return model, inner
 
-    def _jacobian(self, q: Array, regressor: Array, inner: list[Array]) -> Array:
+    def _jacobian(self, q: Array, torque: Array, regressor: Array, inner: list[Array]) -> Array:
         jacobian = np.zeros((len(q), 6, len(self.names)))
-        torque = self.gravity_torque(q)
         for i in range(self._count):
             local = regressor[:, :, 6 * i : 6 * i + 6]
             start = i * len(KINDS)
             along = local @ self._subspaces[i]
-            factors = {
-                'offset': np.ones(len(q)),
-                'compliance': -torque[:, i],
-                'sin': np.sin(q[:, i]),
-                'cos': np.cos(q[:, i]),
-            }
-            for kind, factor in factors.items():
-                jacobian[:, :, start + KINDS.index(kind)] = along * factor[:, None]
+            jacobian[:, :, start] = along
             jacobian[:, :, start + 1 : start + 7] = local @ inner[i]
+            jacobian[:, :, start + 7] = along * -torque[:, i, None]
         return jacobian
 
 
 def error_transform(value: Array) -> Any:
-    """Return the displacement of a joint's frame (pinocchio.SE3) due to the errors (10,)."""
+    """Return the displacement of a joint's frame (pinocchio.SE3) due to the errors (8,)."""
     return pin.SE3(pin.exp3(np.array(value[4:7])), np.array(value[1:4]))
 
 

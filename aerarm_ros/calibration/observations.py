@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -28,6 +28,7 @@ class CalibrationError(ValueError):
 
 
 _AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
+_REGISTERED = 150  # largest number of postures from which a registration starts
 _STARTS = 400  # number of initial base rotations that a registration tries
 _SPREAD = 0.35  # [rad] typical angle between the true base rotation and the nearest initial one
 _REFINED = 6
@@ -41,12 +42,9 @@ class Source(ABC):
     ----------
     name : str
         Name in reports.
-    base_known : bool
-        Whether the sensor's frame equals the arm's base frame.
     """
 
     name: str
-    base_known: bool = field(default=False, kw_only=True)
 
     @property
     @abstractmethod
@@ -66,7 +64,8 @@ class Source(ABC):
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """Return the derivatives of the residuals by the geometric errors and unknowns.
 
-        The arrays are (M, K, P) for P geometric errors, and (M, K, U) for U unknowns of the source.
+        The arrays are (M, K, P) for the P columns of `poses.jacobian`, and (M, K, U) for the U
+        unknowns of the source.
         """
 
     @abstractmethod
@@ -78,9 +77,10 @@ class Source(ABC):
 
         The state begins with the base rotation (9) and translation (3).
         """
-        if self.base_known:
-            return self._linear(poses, np.eye(3))[1]
-        return _best_start(lambda rotation: self._linear(poses, rotation))
+        some = np.unique(np.linspace(0, len(poses.position) - 1, _REGISTERED).astype(int))
+        source = self.rows(some)
+        poses = LinkPoses(poses.rotation[some], poses.position[some], poses.jacobian[some])
+        return _best_start(lambda rotation: source._linear(poses, rotation))
 
     @abstractmethod
     def moved(self, state: Array, step: Array) -> Array:
@@ -146,21 +146,18 @@ class MarkerSource(Source):
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """Return the derivatives of the residuals by geometric errors and by the unknowns."""
-        assert poses.jacobian is not None
         (rotation, _), places = base_pose(state), state[12:].reshape(-1, 3)
         count, markers = len(self.position), len(self.names)
         lever = np.einsum('mij,kj->mki', poses.rotation, places)
         linear, angular = poses.jacobian[:, :3], poses.jacobian[:, 3:]
         by_errors = np.empty((count, markers, 3, linear.shape[-1]))
-        first = 0 if self.base_known else 6
-        by_unknowns = np.zeros((count, markers, 3, first + 3 * markers))
+        by_unknowns = np.zeros((count, markers, 3, 6 + 3 * markers))
         for k in range(markers):
             by_errors[:, k] = rotation @ (linear + _turned(angular, lever[:, k]))
-            if not self.base_known:
-                at = (poses.position + lever[:, k]) @ rotation.T
-                by_unknowns[:, k, :, :3] = np.eye(3)
-                by_unknowns[:, k, :, 3:6] = -cross_matrix(at)
-            by_unknowns[:, k, :, first + 3 * k : first + 3 * k + 3] = rotation @ poses.rotation
+            at = (poses.position + lever[:, k]) @ rotation.T
+            by_unknowns[:, k, :, :3] = np.eye(3)
+            by_unknowns[:, k, :, 3:6] = -cross_matrix(at)
+            by_unknowns[:, k, :, 6 + 3 * k : 9 + 3 * k] = rotation @ poses.rotation
         shape = (count, 3 * markers, -1)
         return by_errors.reshape(shape), by_unknowns.reshape(shape)
 
@@ -172,7 +169,7 @@ class MarkerSource(Source):
         target = self.position - (poses.position @ rotation.T)[:, None]
         for k in range(markers):
             block = np.zeros((int(seen[:, k].sum()), 3, 3 + 3 * markers))
-            block[:, :, :3] = 0.0 if self.base_known else np.eye(3)
+            block[:, :, :3] = np.eye(3)
             block[:, :, 3 + 3 * k : 6 + 3 * k] = turned[seen[:, k]]
             rows.append(block.reshape(-1, 3 + 3 * markers))
             values.append(target[seen[:, k], k].ravel())
@@ -183,9 +180,8 @@ class MarkerSource(Source):
 
     def moved(self, state: Array, step: Array) -> Array:
         """Return the state changed by a step (U,) of base frame and marker positions."""
-        first = 0 if self.base_known else 6
-        moved = _moved_base(state, step[:first])
-        moved[12:] += step[first:]
+        moved = _moved_base(state, step[:6])
+        moved[12:] += step[6:]
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
@@ -242,7 +238,6 @@ class PoseSource(Source):
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """Return derivatives of the residuals by errors and unknowns, for small rotations."""
-        assert poses.jacobian is not None
         base, _, attached = _split_poses(state)
         lever = poses.rotation @ attached[1]
         linear, angular = poses.jacobian[:, :3], poses.jacobian[:, 3:]
@@ -250,16 +245,14 @@ class PoseSource(Source):
             [base @ (linear + _turned(angular, lever)), base @ angular], axis=1
         )
         count = len(self.position)
-        first = 0 if self.base_known else 6
-        by_unknowns = np.zeros((count, 6, first + 6))
-        if not self.base_known:
-            at = (poses.position + lever) @ base.T
-            by_unknowns[:, :3, :3] = np.eye(3)
-            by_unknowns[:, :3, 3:6] = -cross_matrix(at)
-            by_unknowns[:, 3:, 3:6] = np.eye(3)
+        by_unknowns = np.zeros((count, 6, 12))
+        at = (poses.position + lever) @ base.T
+        by_unknowns[:, :3, :3] = np.eye(3)
+        by_unknowns[:, :3, 3:6] = -cross_matrix(at)
+        by_unknowns[:, 3:, 3:6] = np.eye(3)
         turned = base @ poses.rotation
-        by_unknowns[:, :3, first : first + 3] = turned
-        by_unknowns[:, 3:, first + 3 :] = turned @ attached[0]
+        by_unknowns[:, :3, 6:9] = turned
+        by_unknowns[:, 3:, 9:] = turned @ attached[0]
         if self.eye_in_hand:
             inverse = self._inverse_derivative(poses, state)
             by_errors, by_unknowns = inverse @ by_errors, inverse @ by_unknowns
@@ -299,7 +292,7 @@ class PoseSource(Source):
         ).mean().as_matrix()  # fmt: skip
         misfit = np.sum((turned[seen] @ attached - measured[seen]) ** 2)
         matrix = np.zeros((int(seen.sum()), 3, 6))
-        matrix[:, :, :3] = 0.0 if self.base_known else np.eye(3)
+        matrix[:, :, :3] = np.eye(3)
         matrix[:, :, 3:] = turned[seen]
         value = (place - poses.position @ rotation.T)[seen].ravel()
         flat = matrix.reshape(-1, 6)
@@ -310,10 +303,9 @@ class PoseSource(Source):
 
     def moved(self, state: Array, step: Array) -> Array:
         """Return the state changed by a step (U,) of base frame and attached frame."""
-        first = 0 if self.base_known else 6
-        moved = _moved_base(state, step[:first])
-        moved[21:] += step[first : first + 3]
-        turn = Rotation.from_rotvec(step[first + 3 :]).as_matrix()
+        moved = _moved_base(state, step[:6])
+        moved[21:] += step[6:9]
+        turn = Rotation.from_rotvec(step[9:]).as_matrix()
         moved[12:21] = (state[12:21].reshape(3, 3) @ turn).ravel()
         return moved
 
@@ -326,83 +318,6 @@ class PoseSource(Source):
         """Mask (M,) of postures with a measured position and rotation."""
         turned = np.isfinite(self.rotation).all(axis=(1, 2))
         return np.asarray(np.isfinite(self.position).all(axis=1) & turned)
-
-
-@dataclass(frozen=True, eq=False)
-class PlaneSource(Source):
-    """Contacts between a point of the link and a plane; both have unknown positions.
-
-    The plane's equation in the base frame is ``n . x = d``, and the residual is the distance of
-    the point from the plane.
-
-    Attributes
-    ----------
-    touches : (M,) ndarray
-        Whether the point touches the plane in each posture.
-    """
-
-    touches: Array
-
-    @property
-    def unknowns(self) -> tuple[str, ...]:
-        """Names of the unknowns: tilt of the plane (2), its distance (1), point on the link (3)."""
-        own = ('plane.tilt1', 'plane.tilt2', 'plane.distance', 'tip.x', 'tip.y', 'tip.z')
-        return tuple(f'{self.name}.{key}' for key in own)
-
-    @property
-    def channels(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of the residual: distance of the point from the plane."""
-        return ((f'{self.name} distance', 'm'),)
-
-    def residuals(self, poses: LinkPoses, state: Array) -> Array:
-        """Return the distances from the plane (M, 1) [m]."""
-        point = poses.position + poses.rotation @ state[4:]
-        distance = point @ state[:3] - state[3]
-        return np.where(self.seen, distance, np.nan)[:, None]
-
-    def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """Return the derivatives of the distances by geometric errors and by the unknowns."""
-        assert poses.jacobian is not None
-        normal, lever = state[:3], poses.rotation @ state[4:]
-        point = poses.position + lever
-        linear, angular = poses.jacobian[:, :3], poses.jacobian[:, 3:]
-        by_errors = normal @ (linear + _turned(angular, lever))
-        tilts = point @ _tangents(normal).T
-        by_unknowns = np.hstack([tilts, -np.ones((len(point), 1)), normal @ poses.rotation])
-        return by_errors[:, None], by_unknowns[:, None]
-
-    def register(self, poses: LinkPoses) -> Array:
-        """Return initial plane normal (3), plane distance (1) and contact point (3)."""
-        turns = Rotation.random(_STARTS, rng=np.random.default_rng(0)).as_matrix()
-        best = min((self._linear(poses, turn) for turn in turns), key=lambda one: one[0])
-        return best[1]
-
-    def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
-        seen, normal = self.seen, rotation[:, 2]
-        along = normal @ poses.rotation[seen]
-        matrix = np.hstack([along, -np.ones((len(along), 1))])
-        value = -poses.position[seen] @ normal
-        # The contacts leave several solutions; choose the point nearest to the link's origin.
-        solution = np.linalg.lstsq(matrix, value, rcond=1e-3)[0]
-        cost = float(np.sum((matrix @ solution - value) ** 2))
-        return cost, np.concatenate([normal, solution[3:], solution[:3]])
-
-    def moved(self, state: Array, step: Array) -> Array:
-        """Return the state changed by a step (U,) of plane and point."""
-        moved = state.copy()
-        normal = state[:3] + _tangents(state[:3]).T @ step[:2]
-        moved[:3] = normal / np.linalg.norm(normal)
-        moved[3:] += step[2:]
-        return moved
-
-    def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return a source that contains only the postures `index`."""
-        return replace(self, touches=self.touches[index])
-
-    @property
-    def seen(self) -> Mask:
-        """Mask (M,) of postures in which the point touches the plane."""
-        return self.touches.astype(bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -449,7 +364,7 @@ def base_pose(state: Array) -> tuple[Array, Array]:
 
 
 def _base_names(source: Source) -> tuple[str, ...]:
-    return () if source.base_known else tuple(f'{source.name}.base.{axis}' for axis in _AXES)
+    return tuple(f'{source.name}.base.{axis}' for axis in _AXES)
 
 
 def _split_poses(state: Array) -> tuple[Array, Array, tuple[Array, Array]]:
@@ -459,10 +374,9 @@ def _split_poses(state: Array) -> tuple[Array, Array, tuple[Array, Array]]:
 def _moved_base(state: Array, step: Array) -> Array:
     """Return a copy of a source's state with the base frame displaced and rotated by `step`."""
     moved = state.copy()
-    if len(step):
-        turn = Rotation.from_rotvec(step[3:]).as_matrix()
-        moved[:9] = (turn @ state[:9].reshape(3, 3)).ravel()
-        moved[9:12] += step[:3]
+    turn = Rotation.from_rotvec(step[3:]).as_matrix()
+    moved[:9] = (turn @ state[:9].reshape(3, 3)).ravel()
+    moved[9:12] += step[:3]
     return moved
 
 
@@ -491,11 +405,3 @@ def cross_matrix(vector: Array) -> Array:
     zero = np.zeros(len(vector))
     x, y, z = vector.T
     return np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
-
-
-def _tangents(normal: Array) -> Array:
-    """Return two unit vectors (2, 3) perpendicular to a unit vector and to each other."""
-    least = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    first = np.cross(normal, least)
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(normal, first)])

@@ -134,7 +134,6 @@ def rest_observations(
     tracks: Sequence[Track],
     offsets: Mapping[str, float],
     eye_in_hand: Sequence[str] = (),
-    base_known: bool = False,
 ) -> Observations:
     """Return the mean marker positions and body poses of each rest period.
 
@@ -144,8 +143,6 @@ def rest_observations(
         Delay of the stamps by track name [s].
     eye_in_hand : sequence of str
         Pose tracks measured by a camera on the arm.
-    base_known : bool
-        Whether measured positions are given in the arm's base frame.
 
     Raises
     ------
@@ -162,15 +159,12 @@ def rest_observations(
     if markers:
         position = np.stack([_means(rests, one, offsets)[0] for one in markers], axis=1)
         names = tuple(track.name for track in markers)
-        sources.append(MarkerSource('mocap', names, position, base_known=base_known))
+        sources.append(MarkerSource('mocap', names, position))
     for track in tracks:
         if track.rotation is not None:
             place, turn = _means(rests, track, offsets)
             assert turn is not None
-            in_hand = track.name in eye_in_hand
-            sources.append(
-                PoseSource(track.name, turn, place, in_hand, base_known=base_known and not in_hand)
-            )
+            sources.append(PoseSource(track.name, turn, place, track.name in eye_in_hand))
     labels = tuple(f'rest {k + 1} at {begin:.1f} s' for k, begin in enumerate(
         rests.start - rests.start[0]))  # fmt: skip
     if not any(source.seen.any() for source in sources):

@@ -128,22 +128,7 @@ def _summed(calibration: Calibration, name: str, observations: Observations) -> 
     """Return the position errors of the markers in a group of postures as text."""
     markers = calibration.marker_errors(observations)
     listed = ', '.join(f'{key} {1e3 * value:.2f}' for key, value in markers.items())
-    return f'{name}: {listed} mm{_extrapolation(calibration, observations)}'
-
-
-def _extrapolation(calibration: Calibration, observations: Observations) -> str:
-    """Return a text with the errors within and beyond the joint ranges of the fit, else ''."""
-    within = calibration.within(observations)
-    if within.all() or not within.any():
-        return ''
-    inside, outside = (
-        1e3 * calibration.errors(calibration.fit, observations.rows(which))[0]
-        for which in (within, ~within)
-    )
-    return (
-        f' ({inside:.2f} mm in the {int(within.sum())} postures within the joint ranges of the '
-        f'training postures, {outside:.2f} mm in the {int((~within).sum())} postures beyond)'
-    )
+    return f'{name}: {listed} mm'
 
 
 def _estimates(fit: Fit) -> list[tuple[str, float, float, str]]:

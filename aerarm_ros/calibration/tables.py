@@ -1,4 +1,4 @@
-"""Postures and measurements from a table: a CSV file, or arrays in an .npz file."""
+"""Postures and measurements from a CSV file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,6 @@ _FORMS = (
 _SAME = {'phix': 'roll', 'phiy': 'pitch', 'phiz': 'yaw'}
 _ANGLES = ('roll', 'pitch', 'yaw')
 _UNSEEN = ('', 'nan', 'none', 'null', 'na')  # cell contents that mean a missing measurement
-_CONTACT = re.compile(r'^contact[_.]?(?P<name>\w*)$', re.IGNORECASE)
 
 
 @dataclass(eq=False)
@@ -68,10 +67,6 @@ class PostureTable:
         Positions [rad], for prismatic joints [m].
     measured : dict of str to Measured
         Measurements by name of marker or body.
-    contacts : dict of str to (M,) ndarray
-        Contacts by name of the plane; 1 in rows in which the tool touches the plane, else 0.
-    time : (M,) ndarray or None
-        Time [s].
     mapping : list of str
         Meaning of each column, as text.
     unused : list of str
@@ -80,14 +75,8 @@ class PostureTable:
 
     joints: dict[str, Array] = field(default_factory=dict)
     measured: dict[str, Measured] = field(default_factory=dict)
-    contacts: dict[str, Array] = field(default_factory=dict)
-    time: Array | None = None
     mapping: list[str] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)
-
-    def __len__(self) -> int:
-        """Return the number of rows."""
-        return len(next(iter(self.joints.values()))) if self.joints else 0
 
 
 def read_postures(
@@ -98,14 +87,12 @@ def read_postures(
     rename: Mapping[str, str] | None = None,
     prismatic: Collection[str] = (),
 ) -> PostureTable:
-    """Read joint positions, markers, poses and contacts from a table.
+    """Read joint positions, markers and poses from a table.
 
     A column with joint positions has the joint's name (`elbow`) or a name that the identifier
     accepts (`q_elbow`, `elbow.position [deg]`). Markers have columns `x1, y1, z1` or `tip.x [mm],
     tip.y [mm], tip.z [mm]`. Poses have additional columns `qx, qy, qz, qw` or `roll, pitch, yaw`
-    (also `phix1 ...`). Contacts have a column such as `contact_table` with 0 or 1. Empty cells
-    mean missing measurements. An .npz file contains the arrays `q` (M, n) with `joint_names`,
-    `markers` (M, K, 3) with `marker_names`, and `time`.
+    (also `phix1 ...`). Empty cells mean missing measurements.
 
     Parameters
     ----------
@@ -127,8 +114,7 @@ def read_postures(
     """
     wrong: dict[str, str] = {}
     with table_errors(path, _LARGEST, CalibrationError):
-        is_npz = path.suffix.lower() == '.npz'
-        columns = _npz_columns(path) if is_npz else _csv_columns(path, wrong)
+        columns = _csv_columns(path, wrong)
     reader = _Reader(path, known_joints, length_unit, degrees, rename or {}, prismatic)
     table = reader.table(columns)
     for name, problem in wrong.items():
@@ -138,7 +124,7 @@ def read_postures(
 
 
 class _Reader:
-    """Assignment of table columns to joints, markers, poses and contacts."""
+    """Assignment of table columns to joints, markers and poses."""
 
     def __init__(
         self,
@@ -171,7 +157,7 @@ class _Reader:
                 f'URDF ({some_names(self._known)}): name the columns like the joints, or pass '
                 '--rename COLUMN=JOINT'
             )
-        if not table.measured and not table.contacts:
+        if not table.measured:
             raise CalibrationError(
                 f'{self._path} has no marker columns (its columns are {some_names(columns)}): '
                 'name marker '
@@ -191,9 +177,6 @@ class _Reader:
         column = _known_column(name)
         if column is None:
             return False
-        if column.quantity == 'time':
-            self._table.time = column.factor * values
-            return True
         joint = self._rename.get(column.joint, column.joint)
         if column.quantity != 'position' or joint not in self._known:
             return False
@@ -246,12 +229,6 @@ class _Reader:
 
     def _place(self, name: str, values: Array) -> bool:
         bare, unit = split_unit(name)
-        contact = _CONTACT.match(bare)
-        if contact:
-            plane = contact['name'] or 'plane'
-            self._table.contacts[plane] = np.asarray(np.nan_to_num(values) > 0.5, dtype=float)
-            self._table.mapping.append(f'contact with {plane}: column {name}')
-            return True
         match = next((found for form in _FORMS if (found := form.match(bare))), None)
         if match is None:
             return False
@@ -355,35 +332,6 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
                 wrong[name] = f"'{text}' in line {line} is not a number: leave the cell empty"
                 break
         columns[name or f'column {place + 1}'] = values
-    return columns
-
-
-def _npz_columns(path: Path) -> dict[str, Array]:
-    columns: dict[str, Array] = {}
-    with np.load(path, allow_pickle=False) as file:
-        arrays = {key: np.asarray(file[key]) for key in file.files}
-    joints = arrays.pop('joint_names', None)
-    markers = arrays.pop('marker_names', None)
-    for key, array in arrays.items():
-        if array.dtype.kind not in 'fiub':
-            continue
-        values = np.asarray(array, dtype=float)
-        if key in ('q', 'position', 'positions') and values.ndim == 2:
-            for i in range(values.shape[1]):
-                columns[str(joints[i]) if joints is not None else f'q{i + 1}'] = values[:, i]
-        elif values.ndim == 3 and values.shape[2] == 3:
-            for k in range(values.shape[1]):
-                name = str(markers[k]) if markers is not None else f'{k + 1}'
-                for axis, column in zip('xyz', values[:, k].T, strict=True):
-                    columns[f'{axis}{name}' if markers is None else f'{name}.{axis}'] = column
-        elif values.ndim == 1:
-            columns[key] = values
-    lengths = {len(values) for values in columns.values()}
-    if len(lengths) > 1:
-        raise CalibrationError(
-            f'the arrays of {path} differ in length ({sorted(lengths)} rows): save arrays of '
-            'equal length'
-        )
     return columns
 
 

@@ -28,8 +28,8 @@ from aerarm_ros.ros.programs.identifier_options import (
 
 _OPTIONS: tuple[Option, ...] = (
     ('--bag', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
-        'recordings from which to calibrate: .csv and .npz tables, rosbag2 folders, .mcap, .db3 '
-        'and .bag files'),
+        'recordings from which to calibrate: .csv tables, rosbag2 folders, .mcap, .db3 and .bag '
+        'files'),
     ('--validation', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'FILE'},
         'recordings of the same setup for validation, which the calibration does not use'),
     ('--holdout', {'type': fraction, 'default': 0.0, 'metavar': 'SHARE'},
@@ -43,21 +43,15 @@ _OPTIONS: tuple[Option, ...] = (
     ('--link', {'default': '', 'metavar': 'NAME'},
         'link to which the markers are attached (default: the link after the last recorded '
         'joint)'),
-    ('--level', {'choices': ('auto', 'frames', 'offsets', 'geometry'), 'default': 'auto'},
-        'errors to estimate. frames: only the poses of the sensors; offsets: also joint offsets; '
-        'geometry: also link geometry; auto (default): the one of these levels with the smallest '
-        'cross-validation error'),
+    ('--level', {'choices': ('auto', 'offsets', 'geometry'), 'default': 'auto'},
+        'errors to estimate. offsets: joint offsets; geometry: also link geometry; auto (default): '
+        'the level with the smaller cross-validation error'),
     ('--no-compliance', {'action': 'store_true'},
         'do not estimate the deflection of the joints under gravity'),
-    ('--eccentricity', {'action': 'store_true'},
-        'also estimate the first harmonic of the angle error of each gear'),
     ('--tolerance',
         {'nargs': 2, 'type': positive, 'default': [2.0, 10.0], 'metavar': ('LENGTH', 'ANGLE')},
         'expected errors of lengths [mm] and angles [mrad] in the URDF; with smaller values the '
         'estimates stay closer to the URDF (default: 2 10)'),
-    ('--base-known', {'action': 'store_true'},
-        "the markers were measured in the frame of the URDF's base link (default: in an unknown "
-        'frame)'),
     ('--eye-in-hand', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
         'names of recorded poses of a fixed object, measured by a camera on the arm'),
     ('--length-unit', {'choices': ('m', 'cm', 'mm'), 'default': ''},

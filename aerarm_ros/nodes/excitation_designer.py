@@ -47,7 +47,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         '--preview',
         type=Path,
-        help='HTML file for a preview with plots, workspace and animation of the trajectory',
+        help='HTML file for a preview with plots and workspace of the trajectory',
     )
     add('--validation', action='store_true',
         help='also write a slower and a faster random trajectory, for validation')  # fmt: skip

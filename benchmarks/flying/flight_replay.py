@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.excitation.preview import playback
 from aerarm_ros.model.kinematics import Kinematics
 
 LARGER = 10.0
@@ -66,7 +65,7 @@ def replay(
         scene={'xaxis': axis, 'yaxis': axis, 'zaxis': axis, 'aspectmode': 'cube'},
         height=640,
         margin={'l': 0, 'r': 20, 't': 20, 'b': 120},
-        **playback([frame.name for frame in frames], round(1e3 * _PERIOD)),
+        **_playback([frame.name for frame in frames], round(1e3 * _PERIOD)),
     )
     return figure
 
@@ -77,3 +76,18 @@ def _line(skeleton: _Skeleton, record: FlightRecord, when: float, number: int) -
     x, y, z = np.round(points, 4).astype(np.float32).T
     colour = _COLOURS[number % len(_COLOURS)]
     return go.Scatter3d(x=x, y=y, z=z, mode='lines', line={'width': 6, 'color': colour})
+
+
+def _playback(names: list[str], milliseconds: int) -> dict[str, object]:
+    """Return the layout with buttons and slider of an animation, by the names of its frames."""
+    play = {'frame': {'duration': milliseconds, 'redraw': True}, 'fromcurrent': True}
+    pause = {'frame': {'duration': 0, 'redraw': False}, 'mode': 'immediate'}
+    jump = {'frame': {'duration': 0, 'redraw': True}, 'mode': 'immediate'}
+    buttons = [
+        {'label': 'Play', 'method': 'animate', 'args': [None, play]},
+        {'label': 'Pause', 'method': 'animate', 'args': [[None], pause]},
+    ]
+    steps = [{'label': name, 'method': 'animate', 'args': [[name], jump]} for name in names]
+    place = {'type': 'buttons', 'direction': 'left', 'x': 0.13, 'y': -0.02, 'yanchor': 'top'}
+    slider = {'currentvalue': {'prefix': 't [s] = '}, 'steps': steps, 'x': 0.15, 'len': 0.85}
+    return {'updatemenus': [{**place, 'buttons': buttons}], 'sliders': [slider]}

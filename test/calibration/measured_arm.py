@@ -1,6 +1,6 @@
 """An emulated arm with manufacturing deviations, measured by a motion capture."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,15 +31,12 @@ class MeasuredArm:
     seed : int
     frames : int
         Number of frames in a posture's mean.
-    wobble : (n, 2) ndarray
-        First harmonic of each gear: factors of sin q and cos q in the true position [rad].
     dropout : float
         Probability that the motion capture misses a marker.
     """
 
     seed: int
     frames: int = 1
-    wobble: np.ndarray = field(default_factory=lambda: np.zeros((ROBOT.n, 2)))
     dropout: float = 0.05
 
     def __post_init__(self) -> None:
@@ -50,8 +47,7 @@ class MeasuredArm:
 
     def put(self, q: np.ndarray) -> None:
         """Move the arm until its encoders show a posture."""
-        waves = np.stack([np.sin(q), np.cos(q)], axis=1)
-        self.plant.reset(q + self.made.offsets + (self.wobble * waves).sum(axis=1))
+        self.plant.reset(q + self.made.offsets)
 
     def postures(self, count: int, seed: int = 0) -> np.ndarray:
         """Return random postures (count, n) within the limits."""
@@ -75,3 +71,7 @@ class MeasuredArm:
             self.put(row)
             found.append(self.mocap.true_positions(self.plant))
         return np.array(found)
+
+    def true_observations(self, q: np.ndarray) -> Observations:
+        """Return complete measurements without noise, for residuals of held-out postures."""
+        return Observations(q, (MarkerSource('mocap', self.mocap.names, self.true_positions(q)),))

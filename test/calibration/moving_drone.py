@@ -9,7 +9,6 @@ from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 from aerarm_ros.simulation.made_geometry import MadeGeometry, rotation_about
 from aerarm_ros.simulation.mocap import MARKERS
 
-DURATION = 20.0  # [s]
 G = np.array([0.0, 0.0, -9.81])
 
 
@@ -23,11 +22,19 @@ class MovingDrone:
         Amplitude of the drone's rotations, and tilt of the measured world [rad].
     made : bool
         Whether the arm has manufacturing errors, not only its mount and the IMU.
+    duration : float
+        Duration of the recordings [s].
     """
 
     def __init__(
-        self, seed: int, turn: float = 0.35, tilt: float = 0.0, made: bool = False
+        self,
+        seed: int,
+        turn: float = 0.35,
+        tilt: float = 0.0,
+        made: bool = False,
+        duration: float = 20.0,
     ) -> None:
+        self._duration = duration
         self.world = rotation_about(tilt * np.array([0.6, -0.8, 0.0]))
         self.random = np.random.default_rng(seed)
         self.made = MadeGeometry.of(ROBOT, seed)
@@ -55,7 +62,7 @@ class MovingDrone:
 
     def body(self, late: float = 0.0) -> Track:
         """Return the pose from a motion capture: 0.2 mm, 0.6 mrad, 100 Hz."""
-        time = np.arange(0.0, DURATION, 0.01)
+        time = np.arange(0.0, self._duration, 0.01)
         place = np.array([self.place(t) for t in time])
         turn = np.array(
             [self.rotation(t) @ rotation_about(0.6e-3 * self.random.normal(size=3)) for t in time]
@@ -73,18 +80,18 @@ class MovingDrone:
         return self.place(t) + in_body @ self.rotation(t).T
 
     def markers(self) -> list[Track]:
-        time = np.arange(0.0, DURATION, 0.01)
+        time = np.arange(0.0, self._duration, 0.01)
         found = np.array([self.marker_places(t) for t in time])
         found += 0.2e-3 * self.random.normal(size=found.shape)
         return [Track(f'm{k}', time, found[:, k]) for k in range(len(MARKERS))]
 
     def joints(self, late: float) -> tuple[np.ndarray, np.ndarray]:
-        time = np.arange(0.0, DURATION, 0.002)
+        time = np.arange(0.0, self._duration, 0.002)
         return time + late, np.array([self.q(t) for t in time])
 
     def imu(self, late: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the IMU's measurements at its place: noise, bias, 250 Hz."""
-        time = np.arange(0.5, DURATION - 0.5, 0.004)
+        time = np.arange(0.5, self._duration - 0.5, 0.004)
         h, lever = 1e-4, np.array(self.drone.imu.position)
         rates, forces = [], []
         for t in time:

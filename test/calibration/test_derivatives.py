@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.calibration.geometry import ArmGeometry
-from aerarm_ros.calibration.observations import MarkerSource, PlaneSource, PoseSource, Source
+from aerarm_ros.calibration.observations import MarkerSource, PoseSource, Source
 from aerarm_ros.description.robot import load_robot
 
 STEP = 1e-6
@@ -37,29 +37,16 @@ def _sources() -> list[tuple[Source, np.ndarray]]:
     markers = MarkerSource('mocap', ('a', 'b'), generator.normal(size=(M, 2, 3)))
     marker_state = np.concatenate([*base, generator.normal(size=6) * 0.1])
     pose_state = np.concatenate([*base, turn[1].ravel(), generator.normal(size=3) * 0.1])
-    normal = turn[0][:, 0]
-    plane = PlaneSource('plate', np.ones(M))
-    plane_state = np.concatenate([normal, [0.3], generator.normal(size=3) * 0.1])
     rotation = Rotation.random(M, rng=generator).as_matrix()
     pose = PoseSource('body', rotation, generator.normal(size=(M, 3)))
     camera = replace(pose, name='camera', eye_in_hand=True)
-    known = replace(markers, base_known=True)
-    still = marker_state.copy()
-    still[:12] = [*np.eye(3).ravel(), 0.0, 0.0, 0.0]
-    return [
-        (markers, marker_state),
-        (known, still),
-        (pose, pose_state),
-        (camera, pose_state),
-        (plane, plane_state),
-    ]
+    return [(markers, marker_state), (pose, pose_state), (camera, pose_state)]
 
 
 def test_poses_follow_the_kinematic_regressor(
     geometry: ArmGeometry, errors: np.ndarray, q: np.ndarray
 ) -> None:
-    poses = geometry.poses(q, errors, with_jacobian=True)
-    assert poses.jacobian is not None
+    poses = geometry.poses(q, errors)
     for column in range(len(errors)):
         step = np.zeros_like(errors)
         step[column] = STEP
@@ -71,12 +58,12 @@ def test_poses_follow_the_kinematic_regressor(
         np.testing.assert_allclose(poses.jacobian[:, 3:, column], angular, atol=1e-7)
 
 
-@pytest.mark.parametrize('case', range(5))
+@pytest.mark.parametrize('case', range(3))
 def test_residuals_have_the_derivatives_that_sources_state(
     geometry: ArmGeometry, errors: np.ndarray, q: np.ndarray, case: int
 ) -> None:
     source, state = _sources()[case]
-    poses = geometry.poses(q, errors, with_jacobian=True)
+    poses = geometry.poses(q, errors)
     if isinstance(source, PoseSource):  # exact where nothing is left
         source = _measured_as_predicted(source, poses, state)
     by_errors, by_unknowns = source.jacobians(poses, state)

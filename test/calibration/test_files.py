@@ -20,7 +20,7 @@ from aerarm_ros.model.kinematics import Kinematics
 @pytest.fixture(scope='module')
 def calibration() -> Calibration:
     arm = MeasuredArm(4, frames=10)
-    options = CalibrationOptions(compliance=False)
+    options = CalibrationOptions('geometry', compliance=False)
     return calibrate(own_chain(), arm.observe(arm.postures(30)), (), options)
 
 

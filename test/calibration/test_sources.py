@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from measured_arm import CONFIG, LINK, ROBOT, MeasuredArm, own_chain
 
-from aerarm_ros.calibration.calibrate import calibrate
+from aerarm_ros.calibration.calibrate import CalibrationOptions, calibrate
 from aerarm_ros.calibration.choice import LEVELS, identifiable
 from aerarm_ros.calibration.files import calibrated_urdf
 from aerarm_ros.calibration.fit import fitted, registered
@@ -15,7 +15,6 @@ from aerarm_ros.calibration.observations import (
     CalibrationError,
     MarkerSource,
     Observations,
-    PlaneSource,
     PoseSource,
 )
 from aerarm_ros.calibration.plateaus import Track, rest_observations, resting_arm, time_offset
@@ -44,50 +43,16 @@ def test_a_camera_calibrates_the_arm_as_well(eye_in_hand: bool) -> None:
     source = camera_poses(arm, q, eye_in_hand)
     seen = np.flatnonzero(source.seen)
     assert 40 < len(seen) < len(q)
-    found = calibrate(own_chain(), Observations(q, (source,)).rows(seen[:60]))
+    options = CalibrationOptions('geometry', compliance=False)
+    found = calibrate(own_chain(), Observations(q, (source,)).rows(seen[:60]), (), options)
     # By the motion capture's markers: the camera's own are nowhere near them.
-    held = arm.postures(30, seed=1)
-    truth = MarkerSource('mocap', arm.mocap.names, arm.true_positions(held))
-    observations = Observations(held, (truth,))
+    observations = arm.true_observations(arm.postures(30, seed=1))
     drawn = registered(ArmGeometry(ROBOT, LINK), observations)
     robot = load_robot(calibrated_urdf(found, with_offsets=True))
     after = registered(ArmGeometry(robot, LINK), observations)
     before, left = (found.errors(fit, observations)[0] for fit in (drawn, after))
     assert left < 0.25 * before
     assert left < 1.5e-3
-
-
-def test_contacts_with_a_plane_show_offsets_that_leave_it() -> None:
-    geometry = ArmGeometry(ROBOT, LINK)
-    generator = np.random.default_rng(1)
-    errors = np.zeros(len(geometry.names))
-    offsets = [k for k in geometry.columns('offset') if 'joint2' in geometry.names[k]
-               or 'joint3' in geometry.names[k]]  # fmt: skip
-    errors[offsets] = (0.012, -0.015)
-    tip = np.array([0.15, 0.01, 0.0])
-    rows = []
-    while len(rows) < 60:  # postures in which the tip is on the table z = 0.1
-        q = generator.uniform(*ROBOT.posture_range)
-        for _ in range(30):
-            pose = geometry.poses(q[None], errors, with_jacobian=True)
-            height = float((pose.position + pose.rotation @ tip)[0, 2]) - 0.1
-            assert pose.jacobian is not None
-            lever = pose.rotation[0] @ tip
-            slope = (
-                pose.jacobian[0, :3, geometry.columns('offset')]
-                + np.cross(pose.jacobian[0, 3:, geometry.columns('offset')], lever)
-            )[:, 2]
-            q = q - slope * height / max(float(slope @ slope), 1e-6)
-        low, high = ROBOT.posture_range
-        if abs(height) < 1e-9 and (q > low).all() and (q < high).all():
-            rows.append(q)
-    observations = Observations(np.array(rows), (PlaneSource('table', np.ones(60)),))
-    start = registered(geometry, observations)
-    found = fitted(start, identifiable(start, LEVELS['offsets']).columns)
-    names = [geometry.names[k] for k in found.free]
-    assert 'joint3.offset' in names
-    value = found.errors[geometry.names.index('joint3.offset')]
-    assert value == pytest.approx(-0.015, abs=1e-4)
 
 
 def recording(late: float) -> tuple[np.ndarray, np.ndarray, Track, MeasuredArm, np.ndarray]:

@@ -45,9 +45,8 @@ def test_predictions_improve_if_correlated_errors_are_counted_once(
                 if repeats:
                     patch.setattr(fit_module, '_repeats', repeats)
                 fits.append(geometry_fit(displaced(arm.observe(arm.postures(15)), 3e-3, seed)))
-        q = arm.postures(20, seed=1)
-        truth = MarkerSource('mocap', arm.mocap.names, arm.true_positions(q))
-        errors = [fit.residuals(Observations(q, (truth,)))[0] for fit in fits]
+        truth = arm.true_observations(arm.postures(20, seed=1))
+        errors = [fit.residuals(truth)[0] for fit in fits]
         squares += [np.mean(error**2) for error in errors]
     assert squares[0] < 0.95 * squares[1]
 

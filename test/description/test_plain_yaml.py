@@ -58,7 +58,7 @@ def test_yaml_that_needs_much_memory_or_time_is_rejected(name: str) -> None:
     assert len(str(caught.value)) < 500
 
 
-@pytest.mark.parametrize('name', REFUSED)
+@pytest.mark.parametrize('name', ['aliases', 'a long file', 'no YAML'])
 def test_the_error_of_a_file_names_it(tmp_path: Path, name: str) -> None:
     path = tmp_path / 'some.yaml'
     path.write_text(REFUSED[name][0])

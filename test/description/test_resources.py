@@ -1,8 +1,10 @@
 """Shared files are found in a checkout and in an installed tree."""
 
+import os
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -82,3 +84,35 @@ def test_no_other_file_is_taken_for_a_missing_one(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert resources.find_file(name) == Path(name)
+
+
+def test_a_new_file_replaces_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / 'text'
+    for text in ('before\n', 'ä\n'):
+        resources.write_whole(path, text)
+    assert path.read_text(encoding='utf-8') == 'ä\n'
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / 'text'
+    path.write_text('before')
+    with pytest.raises(UnicodeEncodeError):
+        resources.write_whole(path, 'half of it \ud800')
+    folder = tmp_path / 'folder'
+    folder.mkdir()
+    with pytest.raises(IsADirectoryError):
+        resources.write_whole(folder, 'text')
+    assert path.read_text() == 'before'
+    assert sorted(tmp_path.iterdir()) == [folder, path]
+
+
+def test_a_pipe_is_written_and_not_replaced(tmp_path: Path) -> None:
+    pipe = tmp_path / 'pipe'
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=resources.write_whole, args=(pipe, 'text'))
+    writer.start()
+    assert pipe.read_text() == 'text'
+    writer.join()
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]

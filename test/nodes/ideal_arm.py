@@ -20,7 +20,8 @@ from aerarm_ros.ros.process.process_end import StopSignals
 
 NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
 PERIOD = 1e-3
-PATIENCE = 50  # cycles without an answer
+SPEED = 4  # largest speed of the arm's time, relative to real time
+PATIENCE = 50 * SPEED  # cycles without an answer
 
 
 class IdealArm:
@@ -111,7 +112,7 @@ def main() -> int:
         parser.add_argument(f'--{fault}-after', type=float, default=np.inf)
     rclpy.init()
     arm = IdealArm(parser.parse_args())
-    loop = PeriodicLoop(PERIOD)
+    loop = PeriodicLoop(PERIOD / SPEED)
     with StopSignals(loop.stop):
         loop.run(arm.cycle)
     arm.save()

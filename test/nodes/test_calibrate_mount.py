@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import moving_drone
 import numpy as np
 import pytest
 from forked_executable import run
@@ -95,17 +94,9 @@ def write_bag(path: Path, moving: MovingDrone, kind: type, imu: bool = True) -> 
     return path
 
 
-@pytest.fixture(scope='module', autouse=True)
-def short_flights() -> Iterator[None]:
-    """Let the drone fly for 20 s."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(moving_drone, 'DURATION', 20.0)
-        yield
-
-
 @pytest.fixture(scope='module')
 def flight(tmp_path_factory: pytest.TempPathFactory) -> tuple[MovingDrone, Path]:
-    moving = MovingDrone(5)
+    moving = MovingDrone(5, duration=12.0)
     return moving, write_bag(tmp_path_factory.mktemp('flight') / 'bag', moving, PoseStamped)
 
 
@@ -126,7 +117,7 @@ def test_a_bag_gives_mount_and_imu_within_1_mm_and_2_mrad(
 def test_odometry_without_an_imu_gives_the_mount_and_keeps_the_pose_of_the_imu(
     tmp_path: Path,
 ) -> None:
-    moving = MovingDrone(6)
+    moving = MovingDrone(6, duration=10.0)
     bag = write_bag(tmp_path / 'bag', moving, Odometry, imu=False)
     done = run('calibrator', '--mount', '--bag', bag, '--drone-pose', '/drone_pose',
                '--out', tmp_path / 'mount')  # fmt: skip

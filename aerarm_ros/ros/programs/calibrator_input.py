@@ -17,7 +17,6 @@ from aerarm_ros.calibration.observations import (
     CalibrationError,
     MarkerSource,
     Observations,
-    PlaneSource,
     PoseSource,
     Source,
 )
@@ -25,14 +24,11 @@ from aerarm_ros.calibration.plateaus import Track, rest_observations, resting_ar
 from aerarm_ros.calibration.tables import PostureTable, read_postures
 from aerarm_ros.description.robot import STANDARD_GRAVITY
 from aerarm_ros.description.urdf_document import UrdfDocument
-from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.programs.identifier_bags import collected_warnings
 
 # Topics of this suite with positions that are no measurement of the arm.
 _SUITE_TOPICS = ('tool_pose', 'tool_trajectory', 'tool_goal', 'arm_com', 'flight_set_point')
-# A table with more rows and a shorter interval between rows is a recording in motion.
-_MOVING_ROWS, _MOVING_INTERVAL = 200, 0.2  # [s]
 _MAX_STATES = 4_000_000
 
 
@@ -91,7 +87,7 @@ def read_input(path: Path, urdf: str, options: argparse.Namespace) -> Calibrator
     BagError, CalibrationError, DescriptionError
         If the file cannot be read, or contains no joint positions or no measurements.
     """
-    if path.suffix.lower() in TABLES and path.is_file():
+    if path.suffix.lower() == '.csv' and path.is_file():
         return _read_table(path, urdf, options)
     return _read_bag(path, urdf, options)
 
@@ -140,7 +136,7 @@ def to_observations(
     given.mapping.append(f'the arm rests in {len(rests.q)} postures')
     poses = [track.name for track in tracks if track.rotation is not None]
     in_hand = _eye_in_hand(poses, given.path, options)
-    return rest_observations(rests, tracks, offsets, in_hand, options.base_known)
+    return rest_observations(rests, tracks, offsets, in_hand)
 
 
 def _eye_in_hand(poses: Sequence[str], path: Path, options: argparse.Namespace) -> list[str]:
@@ -163,15 +159,11 @@ def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> Calibrato
     table = read_postures(path, known, options.length_unit, options.degrees, rename, prismatic)
     for name in options.ignore:
         table.measured.pop(name, None)
-        table.contacts.pop(name, None)
         table.joints.pop(name, None)
     mapping = list(table.mapping)
     if table.unused:
         mapping.append(f'columns not used: {", ".join(table.unused)}')
-    names = tuple(table.joints)
-    if not _is_moving(table):
-        return CalibratorInput(path, names, table, mapping=mapping)
-    return CalibratorInput(path, names, *_recording_of(table, path), mapping)
+    return CalibratorInput(path, tuple(table.joints), table, mapping=mapping)
 
 
 def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
@@ -301,33 +293,6 @@ def _matrices(quaternion: Array) -> Array:
     return found
 
 
-def _is_moving(table: PostureTable) -> bool:
-    """Return whether the table records a motion, instead of one resting posture per row."""
-    return (
-        table.time is not None
-        and len(table) > _MOVING_ROWS
-        and float(np.nanmedian(np.diff(table.time))) < _MOVING_INTERVAL
-    )
-
-
-def _recording_of(table: PostureTable, path: Path) -> tuple[JointRecording, list[Track]]:
-    assert table.time is not None
-    increases = np.diff(table.time) > 0.0
-    if not increases.all():
-        row = int(np.flatnonzero(~increases)[0]) + 2
-        raise CalibrationError(
-            f'in {path} the time of row {row} is not after the time of row {row - 1}: sort the '
-            'rows by time and remove duplicates'
-        )
-    names = tuple(table.joints)
-    position = np.column_stack([table.joints[name] for name in names])
-    tracks = [
-        Track(name, table.time, one.position, one.rotation)
-        for name, one in table.measured.items()
-    ]  # fmt: skip
-    return JointRecording(names, table.time, position), tracks
-
-
 def _of_table(
     table: PostureTable, names: Sequence[str], path: Path, options: argparse.Namespace
 ) -> Observations:
@@ -336,17 +301,12 @@ def _of_table(
     markers = {name: one for name, one in table.measured.items() if one.rotation is None}
     if markers:
         position = np.stack([one.position for one in markers.values()], axis=1)
-        sources.append(
-            MarkerSource('mocap', tuple(markers), position, base_known=options.base_known)
-        )
-    poses = [name for name, one in table.measured.items() if one.rotation is not None]
-    cameras = _eye_in_hand(poses, path, options)
-    for name, one in table.measured.items():
-        if one.rotation is not None:
-            in_hand = name in cameras
-            known = options.base_known and not in_hand
-            sources.append(PoseSource(name, one.rotation, one.position, in_hand, base_known=known))
-    sources += [PlaneSource(name, touches) for name, touches in table.contacts.items()]
+        sources.append(MarkerSource('mocap', tuple(markers), position))
+    poses = {name: one for name, one in table.measured.items() if one.rotation is not None}
+    cameras = _eye_in_hand(list(poses), path, options)
+    for name, one in poses.items():
+        assert one.rotation is not None
+        sources.append(PoseSource(name, one.rotation, one.position, name in cameras))
     if not sources:
         raise CalibrationError(
             f'no measurements of {path} remain after the selection by --ignore: check this option'

@@ -84,7 +84,6 @@ def _calibrate(
     choice = CalibrationOptions(
         options.level,
         not options.no_compliance,
-        options.eccentricity,
         Tolerance(1e-3 * length, 1e-3 * angle),
     )
     result = calibrate(chain, observations, held_out, choice)

@@ -30,7 +30,7 @@ def test_accepted_trajectories_are_safe_in_mujoco(
     setup, other = both_engines(with_landing_gear(robot), arm, config)
     generator = np.random.default_rng(0)
     accepted = close = 0
-    for _ in range(60):
+    for _ in range(30):
         bias = np.array([0.0, generator.uniform(0.6, 2.5), 0.0, 0.0])
         trajectory = RandomTrajectory(bias, 0.3, generator.uniform(0.15, 0.5)).draw(generator)
         report = setup.checker.check_trajectory(trajectory, config.ramp_time, stop_early=True)
