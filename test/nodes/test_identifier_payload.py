@@ -143,10 +143,10 @@ def test_total_mass_is_kept_from_the_command_line(bags: Path, tmp_path: Path) ->
     out = tmp_path / 'out'
     done = identifier(
         *('--bag', bags / 'without', '--total-mass', low, high, '--bound-centres'),
-        *('--friction', 'load', '--solvers', 'huber', '--out', out),
+        *('--friction', 'load', '--solvers', 'entropic', '--out', out),
     )
     assert done.returncode == 0, done.stderr
     estimate = yaml.safe_load((out / 'estimate.yaml').read_text())['/**']['ros__parameters']
     assert low - 1e-6 <= sum(estimate['inertial_parameters'][::10]) <= high + 1e-6
     summary = json.loads((out / 'summary.json').read_text())
-    assert summary['solvers']['huber']['physically_consistent']
+    assert summary['solvers']['entropic']['physically_consistent']

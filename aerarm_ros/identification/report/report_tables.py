@@ -17,7 +17,6 @@ from aerarm_ros.model.inertia import PARAMETER_NAMES
 from aerarm_ros.pages.html_text import Html, folded, markup, number, paragraph, table
 
 if TYPE_CHECKING:  # only for type annotations
-    from aerarm_ros.energy.energy_model import EnergyBalance
     from aerarm_ros.identification.payload import Payload
     from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
@@ -235,22 +234,6 @@ def payload_table(payload: Payload) -> Html:
     return table([f'carried by {payload.link}', 'unit', 'value', 'standard deviation'], rows)
 
 
-def energy_table(balances: Mapping[str, EnergyBalance], joint_names: Sequence[str]) -> Html:
-    """Return the table of each bag's energy [J], by joint and cause."""
-    from aerarm_ros.energy.energy_model import EnergyBalance
-
-    headings = ['bag', 'joint', *(f'{name} [J]' for name in EnergyBalance.PARTS)]
-    headings += ['supplied [J]', 'mean [W]']
-    rows: list[list[object]] = []
-    for bag, balance in balances.items():
-        columns = np.vstack([balance.parts, balance.supplied, balance.supplied / balance.seconds])
-        for name, column in zip(
-            [*joint_names, 'all'], [*columns.T, columns.sum(axis=1)], strict=True
-        ):
-            rows.append([bag, name, *map(float, column)])
-    return table(headings, rows)
-
-
 def excitation_table(result: IdentificationResult) -> Html:
     """Return the table of each bag's motion range and excitation, per joint."""
     headings = ['bag', 'joint', 'beyond the identification range: q [%]', 'dq [%]', 'ddq [%]']
@@ -290,18 +273,6 @@ def friction_tables(result: IdentificationResult) -> Html:
         'step.'
     )
     return Html(chosen + folded(title, paragraph(text, 'note'), table(headings, tried, best)))
-
-
-def rollout_table(result: IdentificationResult) -> Html:
-    """Return the table of position errors of the simulated arms."""
-    headings: list[object] = ['bag', 'solver', 'windows', 'error [%]']
-    headings += [f'{name} [mrad]' for name in result.robot.joint_names]
-    rows: list[list[object]] = []
-    for e in result.rollouts:
-        windows = f'{e.windows} of {e.seconds:.2g} s'
-        rows.append([e.bag, e.solver, windows, e.total, *map(float, 1e3 * e.per_joint)])
-    best = [i for i, e in enumerate(result.rollouts) if e.solver == 'sdp']
-    return table(headings, rows, best)
 
 
 def truth_table(errors: Sequence[InertialTorqueError], joints: Sequence[str]) -> Html:

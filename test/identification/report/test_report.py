@@ -12,8 +12,8 @@ import pytest
 
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
-from aerarm_ros.identification.report.report import ReportExtras, interval_view, report_html
-from aerarm_ros.identification.report.report_figures import cutoff_figure, friction_figure, points
+from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.report.report_figures import friction_figure, points
 from aerarm_ros.identification.report.report_tables import (
     base_parameter_table,
     joint_error_table,
@@ -104,14 +104,13 @@ def test_the_report_contains_tables_and_figures(html: str, result: Identificatio
         'bag2 (validation): residual over time',
         'bag2 (validation): spectrum of the residual',
         'bag2 (validation): velocities',
-        'Inertia boxes',
         'Parameters',
         'Base parameters',
         'Friction',
         'Conditioning and excitation',
     ]
-    # Four of each bag, boxes, intervals, friction and cut-off.
-    assert html.count('Plotly.newPlot(') == 12
+    # Four of each bag, and friction.
+    assert html.count('Plotly.newPlot(') == 9
     assert '"name":"desired"' in html
     text = ' '.join(page.texts)
     # Noise is all that the simulated arm leaves, and the report names a remedy.
@@ -164,23 +163,6 @@ def test_friction_curves_have_the_data_behind_them(result: IdentificationResult)
         fast = np.abs(dq) > 0.3 * speed[-1]
         off = torque - (fs * np.sign(dq) + fv * dq)
         assert np.sqrt(np.mean(off[fast] ** 2)) < 0.3 * fs
-
-
-def test_the_cut_off_that_was_chosen_is_marked(result: IdentificationResult) -> None:
-    *tried, chosen = cutoff_figure(result).traces
-    assert sum(len(trace['y']) for trace in tried) == len(result.filter_choice.trials)
-    assert chosen['x'] == [pytest.approx(result.conditioner.cutoff, rel=1e-4)]
-
-
-def test_intervals_are_those_of_the_table(result: IdentificationResult) -> None:
-    found = re.search(r'"error_x":{"type":"data","array":\[([^]]*)\]', interval_view(result, None))
-    assert found is not None
-    spread = np.array(found[1].split(','), dtype=float)
-    base, prior = result.used_base, result.fit.prior.std
-    left_open = np.sqrt(
-        prior[base.independent] ** 2 + base.combination**2 @ prior[base.dependent] ** 2
-    )
-    assert spread == pytest.approx(2.0 * result.base_deviations / left_open, abs=1e-4)
 
 
 def test_only_solvers_that_ran_are_explained(result: IdentificationResult) -> None:
@@ -236,9 +218,7 @@ def test_parameters_known_only_in_sums_are_marked(result: IdentificationResult) 
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason='chromium is not installed: apt install chromium')
-def test_a_real_browser_draws_every_figure(
-    html: str, result: IdentificationResult, tmp_path: Path
-) -> None:
+def test_a_real_browser_draws_every_figure(html: str, tmp_path: Path) -> None:
     page = tmp_path / 'report.html'
     # What the browser says about errors and requests goes into the page it prints.
     watch = (
@@ -248,7 +228,6 @@ def test_a_real_browser_draws_every_figure(
     )
     page.write_text(html.replace('<head>', '<head>' + watch))
     options = ['--headless', '--no-sandbox', '--disable-gpu', '--virtual-time-budget=10000']
-    options += ['--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']
     options += [f'--user-data-dir={tmp_path / "profile"}', '--dump-dom', page.as_uri()]
     done = subprocess.run([CHROMIUM, *options], capture_output=True, text=True, timeout=120)
     root = done.stdout[: done.stdout.index('<head>')]
@@ -256,13 +235,7 @@ def test_a_real_browser_draws_every_figure(
     assert 'data-fetched' not in root
     body = done.stdout[done.stdout.rindex('<body>') :]
     # A bag has three curves of torque, one of its residual, two of its spectrum, one or two (with
-    # commands) of velocity; friction has two, and the cut-off one a source. All are in legends too,
-    # and there the line of the three-dimensional arm.
-    sources = {trial.kinematics.source for trial in result.filter_choice.trials}
-    names = 2 * (3 + 1 + 2) + 2 + 1 + 2
-    lines = 5 * names + 2 * len(sources) + 1
-    found = len(re.findall(r'class="js-line"', body))
-    assert found == lines, (found, lines)
-    assert 'WebGL is not supported' not in body
+    # commands) of velocity; friction has two. Each is drawn for four joints and in the legend.
+    assert len(re.findall(r'class="js-line"', body)) == 5 * (2 * (3 + 1 + 2) + 2 + 1 + 2)
     for joint in ('joint1', 'joint4'):
         assert f'{joint} [Nm]' in body

@@ -23,9 +23,9 @@ def test_bounds_are_met(result: IdentificationResult) -> None:
     assert estimate.notes == ()
     assert estimate.physically_consistent
     assert total * (1 - 1e-6) <= estimate.inertial[:, 0].sum() <= 1.01 * total * (1 + 1e-6)
-    boxes = inertia_boxes(result.cad.inertial)
+    centre, reach = inertia_boxes(result.cad.inertial)
     centres = estimate.inertial[:, 1:4] / estimate.inertial[:, :1]
-    assert np.all(np.abs(centres - boxes.centre) <= boxes.reach + 1e-6)
+    assert np.all(np.abs(centres - centre) <= reach + 1e-6)
 
 
 def test_an_impossible_total_mass_is_dropped_and_the_centres_are_kept(

@@ -46,7 +46,7 @@ def test_slow_solvers_run_on_request_and_report_progress(
     result: IdentificationResult, slsqp: np.ndarray
 ) -> None:
     told: list[str] = []
-    estimates = solve_all(result.fit, result.cad, result.identification, ['slsqp'], told.append)
+    estimates = solve_all(result.fit, result.cad, ['slsqp'], told.append)
     assert list(estimates) == ['cad', 'cad_friction', 'ols', 'slsqp', 'sdp']
     assert told == ['slsqp']
     assert np.array_equal(estimates['slsqp'].theta, slsqp)  # the same bits in every run
@@ -56,7 +56,7 @@ def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResul
     mean = result.fit.prior.mean.copy()
     mean[21:30] = 0.0  # link 3 is a point: no drawing for an entropic prior
     fit = replace(result.fit, prior=replace(result.fit.prior, mean=mean))
-    estimates = solve_all(fit, result.cad, result.identification, ['entropic'])
+    estimates = solve_all(fit, result.cad, ['entropic'])
     assert 'entropic' not in estimates
     (note,) = estimates[RECOMMENDED].notes
     assert 'solver entropic was skipped' in note
