@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_rig import measure, record, swing
+from bench_rig import measure, swing
 from motor_data import GRAVITY, INERTIA, acceleration, steps, swings
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
@@ -38,9 +38,9 @@ from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 # As short as each answer allows: an emulated second takes half of one.
-PLAN = BenchPlan(speeds=(0.8, 2.0), span=1.4, runs=1)
-LOADED_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=1)  # joint 2 takes longer to get fast
-GRAVITY_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=0)
+PLAN = BenchPlan(speeds=(1.0, 2.0), span=1.2, runs=1)
+LOADED_PLAN = BenchPlan(speeds=(1.0, 1.6), span=1.4, runs=1)  # joint 2 takes longer to get fast
+GRAVITY_PLAN = BenchPlan(speeds=(1.2, 2.0), span=1.2, runs=0)
 WORN = 0.015  # [rad] of play in each gear
 WOUND = (0.13, 0.12, 0.5, 0.19)  # [ohm] of the motors that report voltages, not as configured
 
@@ -144,7 +144,7 @@ def test_a_bare_motor(config: ArmConfig, robot: Robot, truth: PlantParameters) -
     nothing = 1e-4 * robot.inertial_parameters
     light = robot.with_inertial_parameters(nothing)
     bare = replace(truth, inertial_parameters=nothing)
-    runs = record(config, light, bare, 0, np.zeros(4), PLAN)
+    runs, _ = measure(config, light, bare, 0, np.zeros(4), PLAN)
     result = MotorBench(config, None, np.zeros(4)).evaluate(0, runs)
     check_drive(result, bare, 0)
     np.testing.assert_array_equal(result.friction.gravity, 0.0)
@@ -196,7 +196,7 @@ def test_torque_constant_from_a_known_mass(
 ) -> None:
     mass, centre = 0.3, (0.1, 0.0, 0.0)
     loaded = truth.carrying(mass, centre, 0.03)
-    runs = record(config, robot, loaded, 3, config.rest_position, GRAVITY_PLAN)
+    runs, _ = measure(config, robot, loaded, 3, config.rest_position, GRAVITY_PLAN)
     alone = MotorBench(config, robot, config.rest_position).evaluate(3, mounted[0])
     earlier = Earlier({'joint4': alone.friction.gravity}, np.array(config.rest_position))
     bench = MotorBench(config, robot, config.rest_position, KnownMass(mass, centre), earlier)
