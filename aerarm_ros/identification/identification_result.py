@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters
-from aerarm_ros.identification.assessment import BagAssessment, BagDemand, ResidualTrend
+from aerarm_ros.identification.assessment import BagAssessment, BagDemand
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.model_choice.filter_choice import (
     EffortDelay,
@@ -21,7 +21,6 @@ from aerarm_ros.identification.model_choice.model_choice import Comparison
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import SampleColumns
-from aerarm_ros.identification.residual_split import ResidualSplit
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED
 
@@ -70,10 +69,6 @@ class IdentificationResult:
         Names of columns that were removed because their coefficient was at its bound 0.
     demands : list of BagDemand
         Motion range and excitation of each identification bag, then of each validation bag.
-    trends : list of ResidualTrend
-        Change of the residual during each identification bag.
-    splits : list of ResidualSplit
-        Causes of the residual of each validation bag, or of the identification bags without any.
     """
 
     robot: Robot
@@ -90,8 +85,6 @@ class IdentificationResult:
     solutions: dict[str, Solution]
     left_out: list[str]
     demands: list[BagDemand]
-    trends: list[ResidualTrend]
-    splits: list[ResidualSplit]
     warnings: list[str]
 
     @property

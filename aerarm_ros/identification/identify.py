@@ -10,13 +10,7 @@ import numpy as np
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters, CoupledJoints, LinkBounds
-from aerarm_ros.identification.assessment import (
-    assess,
-    bag_demand,
-    extrapolation_warnings,
-    residual_trend,
-    trend_warnings,
-)
+from aerarm_ros.identification.assessment import assess, bag_demand, extrapolation_warnings
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
@@ -35,7 +29,6 @@ from aerarm_ros.identification.model_choice.filter_choice import (
     GravityDirection,
     choose_filter,
     condition_once,
-    excerpt,
     find_effort_delay,
     find_gravity,
 )
@@ -48,7 +41,6 @@ from aerarm_ros.identification.regression.base_parameters import (
 )
 from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
 from aerarm_ros.identification.regression.regression import SampleColumns, triangular_factor
-from aerarm_ros.identification.residual_split import ResidualSplit, split_residual
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_all
 from aerarm_ros.model.regressor import Regressor
@@ -300,15 +292,8 @@ def identify(
         warnings += joint_warnings(recommended, names) + held
         if not errors:
             warnings += coupling_warnings(recommended, bags, names)
-        pairs = zip(bags, recommended.identification, strict=True)
-        trends = [residual_trend(*pair) for pair in pairs]
-        warnings += trend_warnings(trends, names)
         demands = [[bag_demand(fit, bags, bag) for bag in group] for group in (bags, held_out)]
         warnings += extrapolation_warnings(fit, *demands)
-    with stopwatch.stage('residual'):
-        judged = validation or identification
-        splits, unsplit = _splits(motion, estimates[RECOMMENDED], config, judged)
-        warnings += unsplit
     return IdentificationResult(
         robot=robot,
         cad=cad,
@@ -324,8 +309,6 @@ def identify(
         solutions=solutions,
         left_out=left_out,
         demands=demands[0] + demands[1],
-        trends=trends,
-        splits=splits,
         warnings=list(dict.fromkeys(warnings)),
     )
 
@@ -367,30 +350,6 @@ def _prepared(
     if gravity is None or gravity.tilt == 0.0:
         level_bags = choice.bags
     return _PreparedBags(robot, choice, level_bags, gravity, delay)
-
-
-def _splits(
-    motion: _PreparedBags,
-    estimate: Estimate,
-    config: ArmConfig | None,
-    recordings: Sequence[Recording],
-) -> tuple[list[ResidualSplit], list[str]]:
-    """Split the residual of each recording by causes; return warnings about omitted recordings."""
-    choice, regressor = motion.choice, Regressor(motion.robot)
-    known = config is not None and config.joint_names == motion.robot.joint_names
-    ratios = 1.0 / config.column('gear.ratio') if config is not None and known else None
-    how = (regressor, choice.conditioner, choice.kinematics, estimate)
-    splits: list[ResidualSplit] = []
-    warnings: list[str] = []
-    for recording in recordings:
-        try:
-            splits.append(split_residual(*how, excerpt(recording), ratios))
-        except IdentificationError as error:  # with additional noise
-            warnings.append(
-                f'{recording.name}: the report cannot list the causes of the torque residual of '
-                f'this bag: {error}'
-            )
-    return splits, warnings
 
 
 def _solved(

@@ -4,19 +4,44 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from emulated_bag import record_excitation
+from emulated_arm import EmulatedArm
 from forked_executable import run as run_executable
 from identifier_process import identifier
 
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.excitation.excitation_setup import ExcitationSetup
+from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.model.inertia import is_physically_consistent
 from aerarm_ros.simulation.arm_plant import PlantParameters
+
+
+def record_excitation(path: Path, truth: PlantParameters, seed: int) -> None:
+    """Play a random trajectory on an arm with the parameters `truth`; record joint_states."""
+    config = load_arm_config()
+    robot = load_robot(joint_names=config.joint_names)
+    setup = ExcitationSetup.of_arm(robot, config, load_excitation_config())
+    trajectory, _ = setup.random_trajectory(0.35, 0.1, 5).draw_feasible(
+        seed, setup.checker, setup.config.ramp_time
+    )
+    arm = EmulatedArm(config, robot, truth, np.array(config.rest_position), seed)
+    motion = setup.planner.plan(trajectory, 1, arm.posture, go_back=False)
+    codec = JointStateCdr(config.joint_names)
+    topic = RecordedTopic('/joint_states', 'sensor_msgs/msg/JointState')
+    with BagWriter(path, [topic]) as writer:
+        for number, state in enumerate(arm.play(motion), 1):
+            payload = bytes(codec.pack(state.stamp_ns, state.q, state.dq, state.tau))
+            writer.write(RecordedMessage(0, payload, state.stamp_ns, state.stamp_ns, number))
+
 
 MASS, CENTRE = 0.2, (0.1, 0.01, -0.02)
 
@@ -26,8 +51,8 @@ def record_both(folder: Path) -> None:
     config = load_arm_config()
     robot = load_robot(joint_names=config.joint_names)
     truth = PlantParameters.nominal(config, robot).perturbed(3)
-    record_excitation(folder / 'without', truth, seed=1, periods=1)
-    record_excitation(folder / 'with', truth.carrying(MASS, CENTRE, 0.03), seed=2, periods=1)
+    record_excitation(folder / 'without', truth, seed=1)
+    record_excitation(folder / 'with', truth.carrying(MASS, CENTRE, 0.03), seed=2)
 
 
 @pytest.fixture(scope='module')

@@ -98,9 +98,6 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
     body += [
         section('Torque errors', paragraph(_metric(result), 'note'), tables.error_table(result)),
         section('Torque errors per joint', tables.joint_error_table(result)),
-        section(
-            'What limits accuracy', paragraph(_RESIDUAL, 'note'), tables.residual_table(result)
-        ),
     ]
     if extras.exports:
         body.append(
@@ -173,13 +170,6 @@ _SOLVERS = {
     'sdp': 'semidefinite program with physically consistent links, close to CAD where the motion '
     'gives no information',
 }
-_RESIDUAL = (
-    'Causes of the filtered torque residual of the solver sdp, in percent of the mean square of '
-    'the residual. Noise: filtered white noise with the level of the upper half of the recorded '
-    'spectra. Other causes: fraction of held-out parts of the bag that the typical torque of the '
-    'cause explains. Effects that the identifier corrects, such as an estimated delay, are not '
-    'part of the residual.'
-)
 _EXPORTS = (
     'Filtered torque error of the model in each written file, on the same bags. The file formats '
     'contain different terms. Only estimate.yaml contains offsets and friction beyond thesis '

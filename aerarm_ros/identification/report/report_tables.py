@@ -12,7 +12,6 @@ from aerarm_ros.identification.files.summary import ExportError, term_text
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.joint_model import JointTerm
 from aerarm_ros.identification.recording.recording import BagFacts
-from aerarm_ros.identification.residual_split import REMEDIES, UNEXPLAINED
 from aerarm_ros.model.inertia import PARAMETER_NAMES
 from aerarm_ros.pages.html_text import Html, folded, markup, number, paragraph, table
 
@@ -21,7 +20,6 @@ if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
 _ERRORS = ('filtered', 'measured filtered', 'raw')
-_LEAST_SHARE = 0.1  # fraction of the mean square of a joint's residual
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
 
@@ -79,21 +77,6 @@ def joint_error_table(result: IdentificationResult) -> Html:
     best = [index for index, row in enumerate(shown) if row[2:4] == ['sdp', 'filtered']]
     others = folded('Other solvers and kinds of error', table(headings, rows))
     return Html(table(headings, shown, best) + others)
-
-
-def residual_table(result: IdentificationResult) -> Html:
-    """Return the table of the causes of the residual, in percent of each joint's mean square."""
-    rows: list[list[object]] = []
-    for split in result.splits:
-        for cause, parts in split.fractions.items():
-            remedy = REMEDIES[cause] if np.nanmax(parts, initial=0.0) >= _LEAST_SHARE else ''
-            rows.append([split.bag, cause, *map(float, (100.0 * parts).round(1)), remedy])
-        rest, above = 100.0 * split.unexplained, 100.0 * split.above_cutoff
-        rows.append([split.bag, 'unexplained', *map(float, rest.round(1)), UNEXPLAINED])
-        rows.append([split.bag, 'raw, above the cut-off', *map(float, above.round(1)), ''])
-        rows.append([split.bag, 'RMS [Nm]', *map(float, split.rms), ''])
-    names = [f'{name} [%]' for name in result.robot.joint_names]
-    return table(['bag', 'cause', *names, 'what reduces it'], rows)
 
 
 def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:

@@ -8,7 +8,7 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.assessment import residual_trend, torque_errors, trend_warnings
+from aerarm_ros.identification.assessment import torque_errors
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 
@@ -58,31 +58,3 @@ def test_a_joint_that_rested_is_uncertain(
     assert any('hardly excites' in text and 'joint4' in text for text in result.warnings)
     assert 'fs_joint4' in result.only_prior
     assert result.demands[1].uncertainty[3] > 3.0 * result.demands[0].uncertainty[3]
-
-
-def test_changes_of_friction_and_offset_are_named(result, robot) -> None:
-    (bag,), (assessed,) = result.identification, result.recommended.identification
-    samples = bag.samples
-    quiet = residual_trend(bag, assessed)
-    assert trend_warnings([quiet], robot.joint_names) == []
-    age = np.linspace(-0.5, 0.5, len(samples.time))
-    tau = samples.tau.copy()
-    tau[:, 1] -= 0.5 * age * np.tanh(samples.dq[:, 1] / 0.02)
-    tau[:, 2] += 0.2 * age
-    found = residual_trend(bag.altered(samples=replace(samples, tau=tau)), assessed)
-    assert found.friction == pytest.approx([0.0, -0.5, 0.0, 0.0], abs=0.05)
-    assert found.offset == pytest.approx([0.0, 0.0, 0.2, 0.0], abs=0.02)
-    told = trend_warnings([found], robot.joint_names)
-    assert len(told) == 2
-    assert 'the friction changes' in told[0]
-    assert 'joint2 by -0.5' in told[0]
-    assert 'the torque offset changes' in told[1]
-    assert 'joint3 by +0.2' in told[1]
-
-
-def test_a_short_motion_shows_no_trend(result) -> None:
-    (bag,), (assessed,) = result.identification, result.recommended.identification
-    samples = replace(bag.samples, time=0.1 * bag.samples.time)
-    trend = residual_trend(bag.altered(samples=samples), assessed)
-    assert not trend.friction.any()
-    assert not trend.offset.any()
