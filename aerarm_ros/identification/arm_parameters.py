@@ -40,43 +40,21 @@ class LinkBounds:
                 )
 
 
-@dataclass(frozen=True, eq=False)
-class InertiaBoxes:
-    """Homogeneous boxes of n links; each box has the mass and inertia of its link.
-
-    Attributes
-    ----------
-    centre : (n, 3) ndarray
-        Centre of mass in the frame of the link's joint [m].
-    axes : (n, 3, 3) ndarray
-        Directions of the box's edges as columns, in the frame of the link's joint.
-    half_edges : (n, 3) ndarray
-        Half lengths of the edges [m]; NaN where the inertia is not physically possible.
-    """
-
-    centre: Array
-    axes: Array
-    half_edges: Array
-
-    @property
-    def reach(self) -> Array:
-        """Half side lengths (n, 3) of the boxes, along the axes of each link's joint frame [m]."""
-        return np.asarray((np.abs(self.axes) @ self.half_edges[..., None])[..., 0])
-
-    def corners(self) -> Array:
-        """Return the corners (n, 8, 3) of the boxes [m], in the frame of each link's joint."""
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        edges = self.axes * self.half_edges[:, None, :]
-        return np.asarray(self.centre[:, None, :] + signs @ edges.transpose(0, 2, 1))
-
-
-def inertia_boxes(inertial: Array) -> InertiaBoxes:
-    """Return, for each link, the homogeneous box with the same mass and inertia.
+def inertia_boxes(inertial: Array) -> tuple[Array, Array]:
+    """Return the extent of the homogeneous box with the mass and inertia of each link.
 
     Parameters
     ----------
     inertial : (n, 10) ndarray
         Inertial parameters with positive masses.
+
+    Returns
+    -------
+    centre : (n, 3) ndarray
+        Centre of mass in the frame of the link's joint [m].
+    reach : (n, 3) ndarray
+        Half side lengths along the axes of that frame [m]; NaN where the inertia is not physically
+        possible.
     """
     matter = pseudo_inertia(inertial)
     mass = inertial[:, :1]
@@ -86,7 +64,7 @@ def inertia_boxes(inertial: Array) -> InertiaBoxes:
     with np.errstate(invalid='ignore'):
         # Mass distributed homogeneously between -a and a has the variance a^2 / 3.
         half_edges = np.sqrt(3.0 * variance)
-    return InertiaBoxes(centre, axes, half_edges)
+    return centre, np.asarray((np.abs(axes) @ half_edges[..., None])[..., 0])
 
 
 CoupledJoints = Sequence[tuple[str, str]]

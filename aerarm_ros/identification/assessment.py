@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerarm_ros.identification.regression.base_parameters import noise_from_residuals
 from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank
 from aerarm_ros.identification.regression.regression import Prediction, SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
@@ -191,84 +190,3 @@ def weighted_line(x: Array, values: Array, std: Array) -> tuple[float, float, fl
     scatter = float(weight @ left**2) / max(len(x) - 2, 1)
     deviation = float(np.sqrt(max(scatter, 1.0) / moment))
     return mean + slope * (float(x.mean()) - centre), slope, deviation
-
-
-_SLOW = 0.05  # fraction of a joint's top speed, below which the sign of its velocity is smoothed
-_CLEAR = 4.0  # standard deviations
-_LEAST_CHANGE = 0.05  # relative to the RMS joint torque; smaller changes are not reported
-_SHORTEST = 10.0  # [s] shortest motion that is tested for changes
-
-
-@dataclass(frozen=True, eq=False)
-class ResidualTrend:
-    """Change of the joints' friction and torque offset from the beginning to the end of a bag.
-
-    Attributes
-    ----------
-    friction, offset : (n,) ndarray
-        Change of the torque against the motion, and change of the constant torque [Nm]; 0 if
-        insignificant.
-    torque : (n,) ndarray
-        RMS torque of each joint [Nm].
-    """
-
-    bag: str
-    friction: Array
-    offset: Array
-    torque: Array
-
-
-def residual_trend(bag: SampleColumns, assessed: BagAssessment) -> ResidualTrend:
-    """Estimate the change of friction and torque offset in a bag, from the torque residual.
-
-    Parameters
-    ----------
-    assessed : BagAssessment
-        Assessment of an estimate on this bag.
-    """
-    samples = bag.samples
-    n = samples.n
-    residuals = samples.tau - assessed.prediction.filtered
-    span = float(samples.time[-1] - samples.time[0])
-    age = (samples.time - samples.time[0]) / max(span, 1e-9) - 0.5
-    size = np.sqrt((samples.tau**2).mean(axis=0))
-    grown = np.zeros((2, n))
-    for joint in range(n):
-        rows = samples.usable[:, joint]
-        if span < _SHORTEST or rows.sum() < 50:
-            continue
-        dq, residual = samples.dq[rows, joint], residuals[rows, joint]
-        way = np.tanh(dq / max(_SLOW * float(np.abs(dq).max()), 1e-9))
-        columns = np.column_stack([way * age[rows], age[rows], way, np.ones(len(dq))])
-        if np.linalg.matrix_rank(columns) < 4:
-            continue
-        solved, *_ = np.linalg.lstsq(columns, residual, rcond=None)
-        left = (residual - columns @ solved)[:, None]
-        noise = noise_from_residuals([left], [np.ones_like(left, dtype=bool)], size[[joint]])
-        covariance = np.linalg.inv(columns.T @ columns) * noise.std**2 * noise.correlation
-        clear = np.abs(solved) > _CLEAR * np.sqrt(np.diag(covariance))
-        grown[:, joint] = np.where(clear, solved, 0.0)[:2]
-    return ResidualTrend(samples.name, grown[0], grown[1], size)
-
-
-def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> list[str]:
-    """Return warnings for joints whose friction or offset changed significantly."""
-    warnings = []
-    for trend in trends:
-        gears = 'gears that warm up; let the gears warm up before recording'
-        sensor = 'a drifting torque sensor; reset the zero of the sensor'
-        for values, what, why in (
-            (trend.friction, 'friction', gears),
-            (trend.offset, 'torque offset', sensor),
-        ):
-            texts = [
-                f'{name} by {value:+.2g} Nm'
-                for name, value, torque in zip(joints, values, trend.torque, strict=True)
-                if abs(value) > _LEAST_CHANGE * torque
-            ]
-            if texts:
-                warnings.append(
-                    f'{trend.bag}: the {what} changes from start to end of the bag '
-                    f'({", ".join(texts)}), possibly because of {why}'
-                )
-    return warnings

@@ -10,13 +10,7 @@ import numpy as np
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import ArmParameters, CoupledJoints, LinkBounds
-from aerarm_ros.identification.assessment import (
-    assess,
-    bag_demand,
-    extrapolation_warnings,
-    residual_trend,
-    trend_warnings,
-)
+from aerarm_ros.identification.assessment import assess, bag_demand, extrapolation_warnings
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
@@ -35,7 +29,6 @@ from aerarm_ros.identification.model_choice.filter_choice import (
     GravityDirection,
     choose_filter,
     condition_once,
-    excerpt,
     find_effort_delay,
     find_gravity,
 )
@@ -48,8 +41,6 @@ from aerarm_ros.identification.regression.base_parameters import (
 )
 from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
 from aerarm_ros.identification.regression.regression import SampleColumns, triangular_factor
-from aerarm_ros.identification.residual_split import ResidualSplit, split_residual
-from aerarm_ros.identification.rollout import RolloutWindows, rollout_error, rollout_samples
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_all
 from aerarm_ros.model.regressor import Regressor
@@ -231,9 +222,6 @@ class IdentificationOptions:
         the pairs in the configuration.
     tilt : bool
         Whether to estimate the direction of gravity.
-    rollouts : bool
-        Whether to simulate every solver's arm over half seconds of the validation bags, or of the
-        identification bags if there are none.
     """
 
     conditioning: ConditioningOptions = field(default_factory=ConditioningOptions)
@@ -243,7 +231,6 @@ class IdentificationOptions:
     bounds: LinkBounds = field(default_factory=LinkBounds)
     coupled: CoupledJoints = ()
     tilt: bool = True
-    rollouts: bool = False
 
 
 def identify(
@@ -287,11 +274,7 @@ def identify(
         coupled = (*(config.coupled_joints if config else ()), *options.coupled)
         fit, comparisons = choose_model(robot, bags, cad, options.friction, coupled)
     with stopwatch.stage('solvers'):
-        windows = None
-        if 'output_error' in options.solvers:
-            samples = [rollout_samples(choice.conditioner, bag) for bag in identification]
-            windows = RolloutWindows.of(robot, samples)
-        fit, estimates, left_out, held = _solved(fit, cad, bags, options, windows)
+        fit, estimates, left_out, held = _solved(fit, cad, bags, options)
     with stopwatch.stage('regression'):
         thesis_base, used_base = _bases(fit, bags, motion.level_bags)
         warnings = [text for bag in (*identification, *validation) for text in bag.warnings]
@@ -309,24 +292,8 @@ def identify(
         warnings += joint_warnings(recommended, names) + held
         if not errors:
             warnings += coupling_warnings(recommended, bags, names)
-        pairs = zip(bags, recommended.identification, strict=True)
-        trends = [residual_trend(*pair) for pair in pairs]
-        warnings += trend_warnings(trends, names)
         demands = [[bag_demand(fit, bags, bag) for bag in group] for group in (bags, held_out)]
         warnings += extrapolation_warnings(fit, *demands)
-    with stopwatch.stage('residual'):
-        judged = validation or identification
-        splits, unsplit = _splits(motion, estimates[RECOMMENDED], config, judged)
-        warnings += unsplit
-    with stopwatch.stage('rollouts'):
-        thetas = {name: estimate.theta for name, estimate in estimates.items()}
-        rollouts = [
-            error
-            for recording in (judged if options.rollouts else ())
-            for error in rollout_error(
-                robot, fit.model, rollout_samples(choice.conditioner, recording), thetas
-            )
-        ]
     return IdentificationResult(
         robot=robot,
         cad=cad,
@@ -342,9 +309,6 @@ def identify(
         solutions=solutions,
         left_out=left_out,
         demands=demands[0] + demands[1],
-        trends=trends,
-        splits=splits,
-        rollouts=rollouts,
         warnings=list(dict.fromkeys(warnings)),
     )
 
@@ -388,50 +352,22 @@ def _prepared(
     return _PreparedBags(robot, choice, level_bags, gravity, delay)
 
 
-def _splits(
-    motion: _PreparedBags,
-    estimate: Estimate,
-    config: ArmConfig | None,
-    recordings: Sequence[Recording],
-) -> tuple[list[ResidualSplit], list[str]]:
-    """Split the residual of each recording by causes; return warnings about omitted recordings."""
-    choice, regressor = motion.choice, Regressor(motion.robot)
-    known = config is not None and config.joint_names == motion.robot.joint_names
-    ratios = 1.0 / config.column('gear.ratio') if config is not None and known else None
-    how = (regressor, choice.conditioner, choice.kinematics, estimate)
-    splits: list[ResidualSplit] = []
-    warnings: list[str] = []
-    for recording in recordings:
-        try:
-            splits.append(split_residual(*how, excerpt(recording), ratios))
-        except IdentificationError as error:  # with additional noise
-            warnings.append(
-                f'{recording.name}: the report cannot list the causes of the torque residual of '
-                f'this bag: {error}'
-            )
-    return splits, warnings
-
-
 def _solved(
-    fit: ModelFit,
-    cad: ArmParameters,
-    bags: list[SampleColumns],
-    options: IdentificationOptions,
-    windows: RolloutWindows | None,
+    fit: ModelFit, cad: ArmParameters, bags: list[SampleColumns], options: IdentificationOptions
 ) -> tuple[ModelFit, dict[str, Estimate], list[str], list[str]]:
     """Run the solvers with and without insignificant terms; return results and removed terms."""
     left_out: list[str] = []
     warnings: list[str] = []
-    how = (options.solvers, options.progress, options.bounds, windows)
+    how = (options.solvers, options.progress, options.bounds)
     for _ in range(_ROUNDS):
-        estimates = solve_all(fit, cad, bags, *how)
+        estimates = solve_all(fit, cad, *how)
         warnings += bound_warnings(estimates[RECOMMENDED], fit, cad.inertial[:, 0])
         fit, insignificant = without_insignificant_terms(fit, estimates[RECOMMENDED], bags, cad)
         left_out += insignificant
         if not insignificant:
             break
     else:
-        estimates = solve_all(fit, cad, bags, *how)
+        estimates = solve_all(fit, cad, *how)
     return fit, estimates, left_out, warnings
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from aerarm_ros.ros.process.process_end import (
     USER_ERROR,
@@ -18,37 +17,16 @@ from aerarm_ros.ros.process.process_end import (
 )
 from aerarm_ros.ros.programs.identifier_options import identifier_parser
 
-if TYPE_CHECKING:
-    from aerarm_ros.ros.programs.fleet_run import FleetRun
-    from aerarm_ros.ros.programs.identifier_compare import CompareRun
-    from aerarm_ros.ros.programs.identifier_run import IdentifierRun
-
 _NAME = 'identifier'
-_LIMIT_EXCEEDED = 1  # exit status if a value exceeds its limit of --verify
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the identifier; return exit status 0, or 1 if --verify fails, or 2 for invalid input."""
+    """Run the identifier; return exit status 0, or 2 for invalid input."""
     parser = identifier_parser(_NAME, __doc__)
     options = parser.parse_args(without_ros_arguments(arguments))
-    if not (options.bag or options.model or options.compare or options.each):
-        parser.error('no input: pass --bag, or --each, or --model with --payload, or --compare')
+    if not (options.bag or options.model):
+        parser.error('no input: pass --bag, or --model with --payload')
     return run_offline(_NAME, lambda: _run(options))
-
-
-def _program(options: argparse.Namespace) -> IdentifierRun | CompareRun | FleetRun:
-    # Only the modules of the requested program are imported.
-    if options.compare:
-        from aerarm_ros.ros.programs.identifier_compare import CompareRun
-
-        return CompareRun(options)
-    if options.each:
-        from aerarm_ros.ros.programs.fleet_run import FleetRun
-
-        return FleetRun(options)
-    from aerarm_ros.ros.programs.identifier_run import IdentifierRun, PayloadRun
-
-    return (PayloadRun if options.model else IdentifierRun)(options)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -58,10 +36,10 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_msgs_py.storage.read_limits import BagError
     from aerarm_ros.description.config_reader import ConfigError, DescriptionError
     from aerarm_ros.identification.errors import IdentificationError
+    from aerarm_ros.ros.programs.identifier_run import IdentifierRun, PayloadRun
 
     try:
-        run = _program(options)
-        print(run.execute())
+        print((PayloadRun if options.model else IdentifierRun)(options).execute())
     except (BagError, ConfigError, DescriptionError, IdentificationError, OSError) as error:
         return _report(error)
     except np.linalg.LinAlgError as error:
@@ -69,7 +47,7 @@ def _run(options: argparse.Namespace) -> int:
             f'the calculation failed ({error}): check that masses and inertias of the URDF, and '
             'joint states, are plausible'
         )
-    return 0 if run.passed else _LIMIT_EXCEEDED
+    return 0
 
 
 def _report(error: object) -> int:

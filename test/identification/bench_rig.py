@@ -1,6 +1,7 @@
 """The motor bench on the emulated arm, in simulation time."""
 
 from collections.abc import Sequence
+from itertools import takewhile
 
 import numpy as np
 from emulated_arm import EmulatedArm
@@ -14,18 +15,6 @@ from aerarm_ros.identification.motor_bench.motor_friction import MotorRun, Motor
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 
-def record(
-    config: ArmConfig,
-    robot: Robot,
-    truth: PlantParameters,
-    joint: int,
-    posture: Sequence[float],
-    plan: BenchPlan,
-) -> list[MotorRun]:
-    """Return the runs of one joint, measured through the boards' frames."""
-    return measure(config, robot, truth, joint, posture, plan)[0]
-
-
 def measure(
     config: ArmConfig,
     robot: Robot,
@@ -34,13 +23,14 @@ def measure(
     posture: Sequence[float],
     plan: BenchPlan,
 ) -> tuple[list[MotorRun], MotorSupply]:
-    """Return the runs of one joint, and its motor's electrical data."""
+    """Return the runs of one joint and its motor's data, measured through the boards' frames."""
     arm = EmulatedArm(config, robot, truth, np.array(posture))
     motion = BenchMotion(plan, MotionLimits.of_arm(config), arm.posture, np.array(posture), [joint])
     fields = ('q', 'dq', 'tau', 'current', 'speed', 'power')
+    end = motion.measurements[-1].end
     rows = [
         (1e-9 * state.stamp_ns, state.path_time, *(getattr(state, f)[joint] for f in fields))
-        for state in arm.play(motion.sequence)
+        for state in takewhile(lambda state: state.path_time <= end, arm.play(motion.sequence))
     ]
     time, path_time, q, dq, tau, *motor = np.array(rows).T
     runs = [

@@ -37,7 +37,6 @@ _EXECUTABLES = 'aerarm_ros.executables'
 # Modules that executables import after they have parsed their command line.
 _LATE = (
     'aerarm_ros.ros.programs.design_run',
-    'aerarm_ros.ros.programs.identifier_compare',
     'aerarm_ros.ros.programs.identifier_run',
     'aerarm_ros.ros.programs.payload_replay',
 )

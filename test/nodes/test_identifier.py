@@ -5,7 +5,6 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 import rclpy
@@ -13,7 +12,7 @@ import yaml
 from identifier_process import JOINTS, fresh_identifier, identifier, measured, motion, write_bag
 
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent
+from aerarm_ros.model.inertia import from_pseudo_inertia
 
 FILES = ['estimate.yaml', 'identified.sdf', 'identified.urdf', 'identified.xml', 'report.html']
 FILES += ['summary.json']
@@ -42,6 +41,7 @@ def test_all_files_are_there(run: tuple[str, Path]) -> None:
     assert sorted(path.name for path in out.iterdir()) == FILES
     assert [path.name for path in out.parent.iterdir()] == ['result']
     assert str(out / 'report.html') in output
+    assert '"name":"desired"' in (out / 'report.html').read_text()
     assert 'identification: used 0.0 .. 20.0 s of 20.0 s (joint_command)' in output
     assert [line.split()[0] for line in output.splitlines()[3:8]] == [
         *('cad', 'cad_friction', 'ols', 'wls', 'sdp')
@@ -75,42 +75,20 @@ def test_a_payload_is_weighed_and_slow_solvers_run_on_demand(
     # `measured` makes the arm a fifth heavier, and displaces its matter, as without payload.
     tau = measured(robot.with_inertial_parameters(loaded), q, dq, ddq)
     write_bag(tmp_path / 'carrying', stamp, (q, dq, tau))
-    out, limits = tmp_path / 'out', tmp_path / 'limits.yaml'
-    limits.write_text('filtered: 50.0\nraw: 1.0e-3\n')
+    out = tmp_path / 'out'
     done = identifier(
         *('--bag', bags / 'identification', '--payload', tmp_path / 'carrying', '--out', out),
-        *('--solvers', 'huber', '--verify', limits),
+        *('--solvers', 'entropic'),
     )
-    # The result is there, and the status says that it is not good enough.
-    assert done.returncode == 1, done.stderr
-    assert 'FAILED  raw' in done.stdout
-    verdict = json.loads((out / 'summary.json').read_text())['verdict']
-    assert (verdict['passed'], [c['passed'] for c in verdict['checks']]) == (False, [True, False])
+    assert done.returncode == 0, done.stderr
     assert 'Payload: 0.' in done.stdout
     payload = yaml.safe_load((out / 'payload.yaml').read_text())['/**']['ros__parameters']
     assert payload['payload']['mass'] == pytest.approx(0.3, rel=0.02)
     assert len(payload['inertial_parameters']) == 40
     summary = json.loads((out / 'summary.json').read_text())
     assert summary['payload']['mass'] == payload['payload']['mass']
-    assert set(summary['solvers']) == {'cad', 'cad_friction', 'ols', 'huber', 'sdp'}
+    assert set(summary['solvers']) == {'cad', 'cad_friction', 'ols', 'entropic', 'sdp'}
     assert 'carried by link4' in (out / 'report.html').read_text()
-
-
-def test_mujoco_loads_the_identified_model(run: tuple[str, Path], robot: Robot) -> None:
-    model = mujoco.MjModel.from_xml_path(str(run[1] / 'identified.xml'))
-    identified = load_robot(run[1] / 'identified.urdf')
-    parameters = yaml.safe_load((run[1] / 'estimate.yaml').read_text())['/**']['ros__parameters']
-    assert model.body_mass[1:] == pytest.approx(identified.inertial_parameters[:, 0])
-    assert model.dof_damping == pytest.approx(identified.viscous)
-    assert model.dof_armature == pytest.approx(parameters['rotor_inertia'])
-
-
-def test_urdf_reloads_and_is_physical(run: tuple[str, Path], robot: Robot) -> None:
-    identified = load_robot(run[1] / 'identified.urdf')
-    assert identified.joint_names == robot.joint_names
-    assert is_physically_consistent(identified.inertial_parameters)
-    assert identified.coulomb == pytest.approx([0.2] * 4, rel=0.1)
-    assert np.array_equal(identified.position_max, robot.position_max)
 
 
 def test_estimate_loads_as_ros_parameters(run: tuple[str, Path], ros_domain: object) -> None:
@@ -128,10 +106,6 @@ def test_estimate_loads_as_ros_parameters(run: tuple[str, Path], ros_domain: obj
         rclpy.shutdown()
 
 
-def test_report_shows_desired_velocities(run: tuple[str, Path]) -> None:
-    assert '"name":"desired"' in (run[1] / 'report.html').read_text()
-
-
 def test_same_bags_same_bits(bags: Path, run: tuple[str, Path], tmp_path: Path) -> None:
     out = tmp_path / 'again'
     done = fresh_identifier(
@@ -140,24 +114,6 @@ def test_same_bags_same_bits(bags: Path, run: tuple[str, Path], tmp_path: Path) 
     assert done.returncode == 0
     for name in ('estimate.yaml', 'identified.urdf'):
         assert (out / name).read_bytes() == (run[1] / name).read_bytes()
-
-
-@pytest.mark.parametrize(('name', 'words'), [('harmonics', 'rectangular'), ('butterworth', 'zero')])
-def test_the_filter_can_be_chosen_and_an_earlier_result_is_replaced_with_a_message(
-    name: str, words: str, bags: Path, run: tuple[str, Path], tmp_path: Path
-) -> None:
-    out = tmp_path / 'out'
-    shutil.copytree(run[1], out)
-    done = identifier(
-        *('--bag', bags / 'identification', '--friction', 'coulomb', '--filter', name),
-        *('--out', out),
-    )
-    assert done.returncode == 0, done.stderr
-    kinematics = json.loads((out / 'summary.json').read_text())['conditioning']['kinematics']
-    assert kinematics.startswith(words)
-    (said,) = (line for line in done.stderr.splitlines() if 'replaced' in line)
-    assert said == f'identifier: {out}: the new result replaced an earlier result'
-    assert sorted(path.name for path in out.iterdir()) == FILES
 
 
 def test_truth_holdout_and_options(bags: Path, tmp_path: Path, robot: Robot) -> None:
@@ -182,7 +138,7 @@ def test_truth_holdout_and_options(bags: Path, tmp_path: Path, robot: Robot) -> 
 
 
 def test_renamed_and_amperes(bags: Path, tmp_path: Path, robot: Robot) -> None:
-    """Other joint names, and torque as current of a motor with 0.5 Nm/A."""
+    """Other joint names, torque as current of a motor with 0.5 Nm/A; then a wrong sign."""
     stamp, q, dq, ddq = motion(1)
     names = ('a', 'joint2', 'joint3', 'joint4')
     tau = measured(robot, q, dq, ddq) / [0.5, 1.0, 1.0, 1.0]
@@ -194,6 +150,15 @@ def test_renamed_and_amperes(bags: Path, tmp_path: Path, robot: Robot) -> None:
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
     assert summary['solvers']['sdp']['identification'][0]['filtered'] < 2.0
+    done = identifier(
+        *('--bag', bags / 'identification', '--effort-gain', 'joint2=-1', '--fundamental', 0.13),
+        *('--friction', 'coulomb', '--filter', 'butterworth', '--out', tmp_path / 'out'),
+    )
+    assert done.returncode == 0, done.stderr
+    assert 'the effort of joint2 has the opposite sign' in done.stderr
+    assert 'repeats every 10 s' in done.stderr
+    assert f'{tmp_path / "out"}: the new result replaced an earlier result' in done.stderr
+    assert 'RuntimeWarning' not in done.stderr
 
 
 def test_a_truncated_bag_without_metadata_is_used_with_a_warning(
@@ -212,30 +177,6 @@ def test_a_truncated_bag_without_metadata_is_used_with_a_warning(
         assert 'the recording may be incomplete' in text
     summary = json.loads((out / 'summary.json').read_text())
     assert summary['bags']['bag']['used'].endswith('(joint_command)')
-
-
-@pytest.mark.parametrize(
-    ('options', 'reasons'),
-    [
-        (
-            ('--effort-gain', 'joint2=-1', '--fundamental', 0.13),
-            ('the effort of joint2 has the opposite sign', 'repeats every 10 s'),
-        ),
-        (
-            ('--gravity', 0, 0, 9.81, '--harmonics', 2),
-            ('gravity (--gravity)', 'the motion has 5 harmonics'),
-        ),
-    ],
-)
-def test_implausible_results_cause_a_warning_with_a_remedy(
-    options: tuple, reasons: tuple[str, ...], bags: Path, tmp_path: Path
-) -> None:
-    done = identifier('--bag', bags / 'identification', '--out', tmp_path / 'out', *options)
-    assert done.returncode == 0, done.stderr
-    for words in reasons:
-        assert words in done.stderr
-    assert 'RuntimeWarning' not in done.stderr
-    assert 'replaced' not in done.stderr
 
 
 def test_names_from_outside_are_escaped(tmp_path: Path, robot: Robot, bags: Path) -> None:

@@ -45,17 +45,8 @@ def test_measured_robots_are_predicted_well(
         pytest.skip(f'no {bag}: set AERARM_DATASETS to the folder with {folder}')
     path = example_urdf(urdf)
     out = tmp_path / 'out'
-    command = [
-        sys.executable,
-        '-m',
-        'aerarm_ros.executables',
-        'identifier',
-        '--bag',
-        bag,
-        '--urdf',
-        path,
-    ]
-    command += ['--holdout', '0.4', '--out', out, *options]
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'identifier']
+    command += ['--bag', bag, '--urdf', path, '--holdout', '0.4', '--out', out, *options]
     subprocess.run(command, check=True, timeout=60)
     sdp = json.loads((out / 'summary.json').read_text())['solvers']['sdp']
     assert sdp['validation'][0]['filtered'] <= limit

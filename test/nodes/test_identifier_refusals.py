@@ -15,26 +15,15 @@ from aerarm_ros.description.robot import Robot
 
 def faulty_bag(kind: str, folder: Path, robot: Robot) -> Path:
     stamp, q, dq, ddq = motion(1)
-    tau = measured(robot, q, dq, ddq)
-    names = JOINTS
+    tau, names = measured(robot, q, dq, ddq), JOINTS
     if kind == 'missing joints':
         names = ('joint1', 'joint2', 'elbow', 'hand')
-    elif kind == 'NaN effort':
-        tau[700:900, 1] = np.nan
-    elif kind == 'huge effort':
-        tau[700:900, 1] = 1e308
     elif kind == 'repeated names':
         names = ('joint1', 'joint2', 'joint3', 'joint3')
-    elif kind == 'repeated stamps':
-        stamp[1000:1500] = stamp[1000]
+    elif kind == 'NaN effort':
+        tau[700:900, 1] = np.nan
     elif kind == 'jumping stamps':
         stamp[2000:] += 30.0
-    elif kind == 'too short':
-        stamp, q, dq, tau = stamp[:300], q[:300], dq[:300], tau[:300]
-    elif kind == 'no motion':
-        q[:], dq[:] = 0.3, 0.0
-    elif kind == 'no effort':
-        tau[:] = 0.0
     return write_bag(folder / 'bag', stamp, (q, dq, tau), names)
 
 
@@ -54,13 +43,8 @@ def check_refusal(done: subprocess.CompletedProcess, words: str, out: Path) -> N
     [
         ('missing joints', 'joint3, joint4 of the URDF are not in'),
         ('NaN effort', 'is NaN or infinite in'),
-        ('huge effort', 'reaches 1e+308 in'),
         ('repeated names', 'names joint joint3 more than once'),
-        ('repeated stamps', 'stamps of bag repeat an earlier stamp'),
         ('jumping stamps', 'no joint states for 30.0'),
-        ('too short', 'too short'),
-        ('no motion', 'no joint moves'),
-        ('no effort', 'the effort of every joint in'),
     ],
 )
 def test_faulty_bags_are_refused(kind: str, words: str, tmp_path: Path, robot: Robot) -> None:
@@ -76,25 +60,13 @@ def test_faulty_bags_are_refused(kind: str, words: str, tmp_path: Path, robot: R
         (['--bag', 'none'], 'none'),
         (['--bag', '{bag}', '--topic', '/states'], '/states'),
         (['--bag', '{bag}', '--urdf', '{massless}'], 'has no mass'),
-        (['--bag', '{bag}', '--urdf', 'none.urdf'], 'none.urdf'),
         (['--bag', '{bag}', '--config', 'none.yaml'], 'none.yaml'),
-        (['--bag', '{bag}', '--truth', 'none.yaml'], 'none.yaml'),
-        (['--bag', '{bag}', '--validation', 'none'], 'none'),
         (['--bag', '{bag}', '--holdout', '1.5'], '--holdout'),
         (['--bag', '{bag}', '--cutoff', '-3'], 'cutoff'),
         (['--bag', '{bag}', '--effort-gain', 'joint1=x'], '--effort-gain'),
         (['--bag', '{bag}', '--effort-gain', 'elbow=2'], 'unknown joint elbow: the URDF has'),
-        (['--bag', '{bag}', '--ignore', 'elbow'], 'joint elbow (--ignore) is not in'),
-        (['--bag', '{bag}', '--rename', 'elbow=joint1'], 'joint elbow (--rename) is not in'),
         (['--bag', '{bag}', '--rename', 'joint1'], '--rename'),
-        (['--bag', '{bag}', '--harmonics', '2000'], 'beyond the Nyquist frequency 100 Hz'),
-        (['--bag', '{bag}', '--filter', 'harmonics', '--fundamental', '0.01'], 'whole periods'),
-        (
-            ['--bag', '{bag}', '--filter', 'harmonics', '--fundamental', '7'],
-            'identification repeats',
-        ),
         (['--bag', '{bag}', '--urdf', '{broken}'], 'broken.urdf'),
-        (['--bag', '{bag}', '--lock', 'wing'], 'wing'),
         (['--bag', '{bag}', '--lock', 'joint4'], 'joint4 is locked (--lock) but moves by'),
         (['--bag', '{bag}', '--friction', 'none'], '--friction'),
         ([], '--bag'),
@@ -125,16 +97,6 @@ def test_places_that_cannot_be_written(bags: Path, tmp_path: Path) -> None:
         assert len(done.stderr.strip().splitlines()) == 1
         assert '--out' in done.stderr
     assert file.read_text() == ''
-
-
-def test_a_result_that_holds_something_else_too_is_kept(bags: Path, tmp_path: Path) -> None:
-    for name in ('summary.json', 'report.html', 'notes.md'):
-        (tmp_path / name).write_text('old')
-    done = identifier('--bag', bags / 'identification', '--out', tmp_path)
-    assert done.returncode == 2
-    (line,) = done.stderr.strip().splitlines()
-    assert 'contains other files (notes.md) and is not replaced' in line
-    assert [path.read_text() for path in tmp_path.iterdir()] == ['old'] * 3
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

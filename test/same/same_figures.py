@@ -16,7 +16,7 @@ DATASETS = (
     ('ur10_excitation', 'ur10_robot.urdf', ()),
     ('panda_excitation', 'panda.urdf', ('--lock', *FINGERS, '--rename', *RENAMED)),
 )
-SOLVERS = ('--solvers', 'wls', 'huber', 'entropic', 'output_error')
+SOLVERS = ('--solvers', 'wls', 'entropic')
 
 
 def designer(work: Path) -> dict[str, object]:

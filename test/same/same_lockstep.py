@@ -140,7 +140,7 @@ def excitation(work: Path) -> dict[str, object]:
     items = played(bare, 'unhomed', 'home', 'homing', 'excitation', encoders='incremental')
     items |= played(loaded, 'idle', 'enable', 'enabling', 'excitation with payload', payload=LOAD)
     model = ['--bag', str(bare / 'bag'), '--out', str(work / 'model')]
-    finish('identifier', *model, '--payload', str(loaded / 'bag'), '--rollouts')
+    finish('identifier', *model, '--payload', str(loaded / 'bag'))
     estimate = ['--model', str(work / 'model' / 'estimate.yaml'), '--out', str(work / 'payload')]
     finish('payload_estimator', '--bag', str(bare / 'bag'), str(loaded / 'bag'), *estimate)
     return items | figures('identifier', work / 'model') | figures('payload', work / 'payload')

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,77 +21,8 @@ from aerarm_ros.motion.signals import Array
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
 
-_SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # fractions of a joint's top speed
 NO_FRICTION = (TermKind.OFFSET, *NOT_FRICTION)
 """Kinds of joint terms that are not friction."""
-
-
-@dataclass(frozen=True, eq=False)
-class FrictionDeviations:
-    """Standard deviations of each joint's friction torque (mean of both directions of motion).
-
-    Attributes
-    ----------
-    speeds : (n, K) ndarray
-        Speeds in ascending order up to the top speed of the motion [rad/s].
-    loads : (n,) ndarray
-        Median torque on the links per joint [Nm], at which load-dependent friction is evaluated.
-    torques : (n, K) ndarray
-        Standard deviations of the friction torques [Nm].
-    """
-
-    speeds: Array
-    loads: Array
-    torques: Array
-
-
-def friction_torque(terms: Mapping[JointTerm, float], speed: Array, load: float) -> Array:
-    """Return a joint's friction torque at speeds (K,), as the mean of both directions [Nm].
-
-    Parameters
-    ----------
-    terms : mapping
-        Coefficient of each term; terms in `NO_FRICTION` are ignored.
-    speed : (K,) ndarray
-        Positive speeds [rad/s].
-    load : float
-        Torque on the links [Nm].
-    """
-    torque = np.zeros(len(speed))
-    for term, value in terms.items():
-        if term.kind not in NO_FRICTION:
-            torque += value * _both_ways(term, speed, load)
-    return torque
-
-
-def friction_deviations(result: IdentificationResult) -> FrictionDeviations:
-    """Return the standard deviations of the friction torques of the recommended estimate."""
-    model, inertial = result.fit.model, result.recommended.estimate.inertial.ravel()
-    covariance = result.fit.covariance[10 * model.n :, 10 * model.n :]
-    loads = [np.abs(bag.links_torque(inertial)) for bag in result.identification]
-    usual = np.median(np.concatenate(loads), axis=0)
-    top = np.max([np.abs(bag.samples.dq).max(axis=0) for bag in result.identification], axis=0)
-    speeds = np.outer(top, _SHARES)
-    torques = np.zeros_like(speeds)
-    for joint in range(model.n):
-        own = [
-            (index, term)
-            for index, (owner, term) in enumerate(model.joint_columns)
-            if owner == joint and term.kind not in NO_FRICTION
-        ]
-        if own:
-            index = [i for i, _ in own]
-            load = float(usual[joint])
-            columns = np.column_stack([_both_ways(t, speeds[joint], load) for _, t in own])
-            variance = np.einsum('ij,jk,ik->i', columns, covariance[np.ix_(index, index)], columns)
-            torques[joint] = np.sqrt(np.maximum(variance, 0.0))
-    return FrictionDeviations(speeds, usual, torques)
-
-
-def _both_ways(term: JointTerm, speed: Array, load: float) -> Array:
-    carried, still = np.full(len(speed), load), np.zeros(len(speed))
-    ahead, back = (term.basis(way * speed, still, carried) for way in (1.0, -1.0))
-    return np.asarray(0.5 * (ahead - back))
 
 
 _HEADER = """\
@@ -115,8 +45,6 @@ _HEADER = """\
 # from_data: 1 if the recordings determine the parameter, 0 if it keeps its CAD value. If the
 # recordings determine only a sum of parameters (base_parameters), the CAD values determine the
 # single parameters.
-# friction_deviations: standard deviations of each joint's friction torque without offset, at
-# increasing speeds, for the median torque on the joint's links (loads).
 # base_parameters: the sums of parameters on which the torque depends and which the recordings
 # determine. Their standard deviations follow from the recordings alone, without the CAD values.
 """
@@ -179,8 +107,6 @@ def estimate_yaml(
         parameters['coupled_joints'] = coupled
     if estimate.std is not None:
         parameters['standard_deviation'] = _per_kind(estimate, estimate.std)
-        deviations = asdict(friction_deviations(result))
-        parameters['friction_deviations'] = {key: _floats(v) for key, v in deviations.items()}
     if estimate.determined is not None:
         parameters['from_data'] = _per_kind(estimate, estimate.determined)
     if result.used_base.rank:

@@ -138,9 +138,6 @@ def summarise(
         'conditioning': _conditioning(result),
         'gravity': _gravity(result),
         'delays': _delays(result),
-        'trends': [_entry(trend, 'bag', 'friction', 'offset') for trend in result.trends],
-        'residual': [_entry(split, *_SPLIT) for split in result.splits],
-        'rollouts': [_entry(error, *_ROLLOUT) for error in result.rollouts],
         'friction': {
             joint: [term_text(term, result.robot.joint_names) for term in terms]
             for joint, terms in zip(result.robot.joint_names, result.fit.model.terms, strict=True)
@@ -229,8 +226,6 @@ def _solver(solution: Solution) -> dict[str, Any]:
 
 
 _ESTIMATE = ('physically_consistent', 'min_pseudo_inertia_eigenvalue', 'seconds')
-_SPLIT = ('bag', 'rms', 'fractions', 'unexplained', 'above_cutoff')
-_ROLLOUT = ('bag', 'solver', 'seconds', 'windows', 'total', 'per_joint')
 _ERRORS = ('filtered', 'filtered_measured', 'raw')
 _BAG = ('bag', *_ERRORS, *(f'per_joint_{name}' for name in _ERRORS))
 

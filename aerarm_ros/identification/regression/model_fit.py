@@ -63,8 +63,6 @@ class RegressionBank:
         Candidate terms of every joint.
     inertial : (10 n,) ndarray, optional
         Inertial parameters that determine the load of load-dependent terms.
-    row_weights : sequence of (M, n) arrays, optional
-        Factors of each bag's rows.
 
     Attributes
     ----------
@@ -77,7 +75,6 @@ class RegressionBank:
         bags: Sequence[SampleColumns],
         terms: Sequence[JointTerm],
         inertial: Array | None = None,
-        row_weights: Sequence[Array] | None = None,
     ) -> None:
         self.terms = tuple(dict.fromkeys(terms))
         self.n = bags[0].samples.n
@@ -88,13 +85,11 @@ class RegressionBank:
         self._rows = np.zeros((self.n, FOLDS), dtype=np.intp)
         for joint in range(self.n):
             blocks = []
-            for place, (bag, own) in enumerate(zip(bags, columns, strict=True)):
+            for bag, own in zip(bags, columns, strict=True):
                 of_joint = [column[:, joint] for column in own]
                 block = np.column_stack([bag.rigid[:, joint], *of_joint, bag.samples.tau[:, joint]])
                 # In place, because the rows of half an hour take tens of megabytes.
                 block *= bag.weights[joint]
-                if row_weights is not None:
-                    block *= row_weights[place][:, joint, None]
                 blocks.append(block)
             self.factors.append([])
             for fold in range(FOLDS):

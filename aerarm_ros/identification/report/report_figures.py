@@ -157,21 +157,3 @@ def _measured_friction(
     stacked = np.vstack(parts)
     dq, torque, load = stacked[:: max(1, -(-len(stacked) // _CLOUD_SIZE))].T
     return dq, torque, load
-
-
-def cutoff_figure(result: IdentificationResult) -> StackedFigure:
-    """Return a figure of the held-out torque error of the tried filters over their cut-off."""
-    figure = StackedFigure(('error',), '%', 'cut-off [Hz]')
-    choice = result.filter_choice
-    groups: dict[str, list[tuple[float, float]]] = {}
-    for trial in choice.trials:
-        groups.setdefault(trial.kinematics.source, []).append((trial.cutoff, trial.error))
-    roles = ('predicted', 'reference', 'residual')
-    for role, (source, points) in zip(roles, groups.items(), strict=False):
-        cutoffs, errors = np.array(sorted(points)).T
-        figure.add(0, cutoffs, errors, source, role, marked=True)
-    chosen = [t.error for t in choice.trials if t.kinematics == choice.kinematics]
-    if chosen:
-        place = np.array([choice.conditioner.cutoff])
-        figure.add(0, place, np.array(chosen[:1]), 'chosen', 'cloud')
-    return figure

@@ -12,17 +12,14 @@ from aerarm_ros.identification.files.summary import ExportError, term_text
 from aerarm_ros.identification.identification_result import IdentificationResult, Solution
 from aerarm_ros.identification.joint_model import JointTerm
 from aerarm_ros.identification.recording.recording import BagFacts
-from aerarm_ros.identification.residual_split import REMEDIES, UNEXPLAINED
 from aerarm_ros.model.inertia import PARAMETER_NAMES
 from aerarm_ros.pages.html_text import Html, folded, markup, number, paragraph, table
 
 if TYPE_CHECKING:  # only for type annotations
-    from aerarm_ros.energy.energy_model import EnergyBalance
     from aerarm_ros.identification.payload import Payload
     from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
 _ERRORS = ('filtered', 'measured filtered', 'raw')
-_LEAST_SHARE = 0.1  # fraction of the mean square of a joint's residual
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
 
@@ -80,21 +77,6 @@ def joint_error_table(result: IdentificationResult) -> Html:
     best = [index for index, row in enumerate(shown) if row[2:4] == ['sdp', 'filtered']]
     others = folded('Other solvers and kinds of error', table(headings, rows))
     return Html(table(headings, shown, best) + others)
-
-
-def residual_table(result: IdentificationResult) -> Html:
-    """Return the table of the causes of the residual, in percent of each joint's mean square."""
-    rows: list[list[object]] = []
-    for split in result.splits:
-        for cause, parts in split.fractions.items():
-            remedy = REMEDIES[cause] if np.nanmax(parts, initial=0.0) >= _LEAST_SHARE else ''
-            rows.append([split.bag, cause, *map(float, (100.0 * parts).round(1)), remedy])
-        rest, above = 100.0 * split.unexplained, 100.0 * split.above_cutoff
-        rows.append([split.bag, 'unexplained', *map(float, rest.round(1)), UNEXPLAINED])
-        rows.append([split.bag, 'raw, above the cut-off', *map(float, above.round(1)), ''])
-        rows.append([split.bag, 'RMS [Nm]', *map(float, split.rms), ''])
-    names = [f'{name} [%]' for name in result.robot.joint_names]
-    return table(['bag', 'cause', *names, 'what reduces it'], rows)
 
 
 def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
@@ -235,22 +217,6 @@ def payload_table(payload: Payload) -> Html:
     return table([f'carried by {payload.link}', 'unit', 'value', 'standard deviation'], rows)
 
 
-def energy_table(balances: Mapping[str, EnergyBalance], joint_names: Sequence[str]) -> Html:
-    """Return the table of each bag's energy [J], by joint and cause."""
-    from aerarm_ros.energy.energy_model import EnergyBalance
-
-    headings = ['bag', 'joint', *(f'{name} [J]' for name in EnergyBalance.PARTS)]
-    headings += ['supplied [J]', 'mean [W]']
-    rows: list[list[object]] = []
-    for bag, balance in balances.items():
-        columns = np.vstack([balance.parts, balance.supplied, balance.supplied / balance.seconds])
-        for name, column in zip(
-            [*joint_names, 'all'], [*columns.T, columns.sum(axis=1)], strict=True
-        ):
-            rows.append([bag, name, *map(float, column)])
-    return table(headings, rows)
-
-
 def excitation_table(result: IdentificationResult) -> Html:
     """Return the table of each bag's motion range and excitation, per joint."""
     headings = ['bag', 'joint', 'beyond the identification range: q [%]', 'dq [%]', 'ddq [%]']
@@ -290,18 +256,6 @@ def friction_tables(result: IdentificationResult) -> Html:
         'step.'
     )
     return Html(chosen + folded(title, paragraph(text, 'note'), table(headings, tried, best)))
-
-
-def rollout_table(result: IdentificationResult) -> Html:
-    """Return the table of position errors of the simulated arms."""
-    headings: list[object] = ['bag', 'solver', 'windows', 'error [%]']
-    headings += [f'{name} [mrad]' for name in result.robot.joint_names]
-    rows: list[list[object]] = []
-    for e in result.rollouts:
-        windows = f'{e.windows} of {e.seconds:.2g} s'
-        rows.append([e.bag, e.solver, windows, e.total, *map(float, 1e3 * e.per_joint)])
-    best = [i for i, e in enumerate(result.rollouts) if e.solver == 'sdp']
-    return table(headings, rows, best)
 
 
 def truth_table(errors: Sequence[InertialTorqueError], joints: Sequence[str]) -> Html:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
@@ -13,11 +13,8 @@ from aerarm_ros.identification.arm_parameters import ArmParameters, LinkBounds, 
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.joint_model import TermKind
 from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regression import SampleColumns
-from aerarm_ros.identification.rollout import RolloutWindows, simulated_model
 from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
-from aerarm_ros.identification.solvers.least_squares_solver import solve_huber, solve_least_squares
-from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
+from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.identification.solvers.semidefinite_solver import solve_entropic, solve_relaxed
 from aerarm_ros.identification.solvers.thesis_solvers import (
     ThesisProblem,
@@ -29,10 +26,7 @@ from aerarm_ros.motion.signals import Array
 RECOMMENDED = 'sdp'
 """Name of the recommended solver, whose estimate is physically consistent."""
 
-SOLVERS = (
-    *('cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', RECOMMENDED),
-    'output_error',
-)
+SOLVERS = ('cad', 'cad_friction', 'ols', 'wls', 'slsqp', 'annealing', 'entropic', RECOMMENDED)
 """Names of all solvers, in the order of the report's tables."""
 
 ALWAYS = ('cad', 'cad_friction', 'ols', RECOMMENDED)
@@ -45,11 +39,9 @@ FAST = (*ALWAYS, 'wls')
 def solve_all(
     fit: ModelFit,
     cad: ArmParameters,
-    bags: Sequence[SampleColumns] = (),
     names: Collection[str] = FAST,
     progress: Callable[[str], None] | None = None,
     bounds: LinkBounds | None = None,
-    windows: RolloutWindows | None = None,
 ) -> dict[str, Estimate]:
     """Return the estimate of each solver.
 
@@ -59,16 +51,12 @@ def solve_all(
         Regression, prior and noise.
     cad : ArmParameters
         CAD parameters, which determine the physical limits.
-    bags : sequence of SampleColumns
-        Identification bags; only 'huber' needs them.
     names : collection of str
         Solvers to run in addition to `ALWAYS`.
     progress : callable, optional
         Function that receives the name of each slow solver.
     bounds : LinkBounds, optional
         User's bounds, dropped if contradictory; the notes of the recommended estimate then say so.
-    windows : RolloutWindows, optional
-        Windows of the same motion; only 'output_error' needs them.
 
     Raises
     ------
@@ -82,7 +70,7 @@ def solve_all(
             f'unknown solver {", ".join(unknown)}: choose from {", ".join(SOLVERS)}'
         )
     limits = physical_limits(fit, cad, bounds)
-    solvers = _solvers(fit, limits, bags, windows)
+    solvers = _solvers(fit, limits)
     estimates: dict[str, Estimate] = {}
     failures: list[str] = []
     for name in SOLVERS:
@@ -99,18 +87,14 @@ def solve_all(
             failures.append(f'solver {name} was skipped: {error}')
             continue
         seconds = time.perf_counter() - begin
-        model = simulated_model(fit.model) if name == 'output_error' else fit.model
-        estimates[name] = Estimate(name, model, theta, seconds=seconds, notes=notes)
+        estimates[name] = Estimate(name, fit.model, theta, seconds=seconds, notes=notes)
     recommended = _with_uncertainty(estimates[RECOMMENDED], fit)
     estimates[RECOMMENDED] = replace(recommended, notes=(*recommended.notes, *failures))
     return estimates
 
 
 def _solvers(
-    fit: ModelFit,
-    limits: PhysicalLimits,
-    bags: Sequence[SampleColumns],
-    windows: RolloutWindows | None,
+    fit: ModelFit, limits: PhysicalLimits
 ) -> dict[str, Callable[[], tuple[Array, tuple[str, ...]]]]:
     """Return functions by solver name; each computes parameters, and notes for the user."""
     regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
@@ -119,14 +103,12 @@ def _solvers(
         'cad_friction': lambda: (_drawn_with_friction(fit, limits), ()),
         'ols': lambda: (solve_least_squares(regression, prior.mean), ()),
         'wls': lambda: (solve_least_squares(regression, prior.mean, weights), ()),
-        'huber': lambda: solve_huber(fit, bags, limits),
         'slsqp': lambda: (solve_slsqp(ThesisProblem.of(fit, limits)), ()),
         'annealing': lambda: (solve_annealing(ThesisProblem.of(fit, limits)), ()),
         'entropic': lambda: solve_relaxed(
             regression.system(weights), prior, limits, solve_entropic
         ),
         RECOMMENDED: lambda: solve_relaxed(regression.system(weights), prior, limits),
-        'output_error': lambda: _output_error(fit, limits, windows),
     }
 
 
@@ -147,31 +129,20 @@ def _drawn_with_friction(fit: ModelFit, limits: PhysicalLimits) -> Array:
     return np.asarray(theta)
 
 
-def _output_error(
-    fit: ModelFit, limits: PhysicalLimits, windows: RolloutWindows | None
-) -> tuple[Array, tuple[str, ...]]:
-    if windows is None:
-        raise IdentificationError('the solver output_error needs windows of the motion to simulate')
-    weights = fit.noise.weights
-    start, notes = solve_relaxed(fit.regression.system(weights), fit.prior, limits)
-    std = np.sqrt(np.diag(fit.covariance)[10 * fit.model.n :])
-    return solve_output_error(fit.model, windows, start, std), notes
-
-
 def physical_limits(
     fit: ModelFit, cad: ArmParameters, bounds: LinkBounds | None = None
 ) -> PhysicalLimits:
     """Return the limits of physically possible parameters."""
     scale = cad.inertial_scale()
-    boxes = inertia_boxes(cad.inertial)
+    centre, reach = inertia_boxes(cad.inertial)
     terms = [term for _, term in fit.model.joint_columns]
     return PhysicalLimits(
         mass=cad.inertial[:, 0],
         size=scale[:, 1] / scale[:, 0],
         nonnegative=np.array([term.nonnegative for term in terms], dtype=bool),
         load=np.array([term.kind is TermKind.LOAD for term in terms], dtype=bool),
-        centre=boxes.centre,
-        reach=boxes.reach,
+        centre=centre,
+        reach=reach,
         bounds=bounds or LinkBounds(),
     )
 

@@ -12,10 +12,7 @@ from typing import Any
 
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
-_SOLVERS = (
-    'cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', 'sdp',
-    'output_error',
-)  # fmt: skip
+_SOLVERS = ('cad', 'cad_friction', 'ols', 'wls', 'slsqp', 'annealing', 'entropic', 'sdp')
 
 
 def fraction(text: str) -> float:
@@ -79,17 +76,6 @@ _OPTIONS: tuple[Option, ...] = (
     ('--model', {'type': optional_path, 'metavar': 'FILE'},
         'identified model of the arm, estimate.yaml; with this option the identifier estimates '
         'only the payload of --payload, and needs no --bag'),
-    ('--each', {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'BAG'},
-        'identify one arm per bag and write one table of all arms. Pass bags, folders, a quoted '
-        'pattern, or a .txt file with one path per line. To continue an interrupted run, repeat '
-        'the command with the same --out'),
-    ('--workers', {'type': int, 'default': 0, 'metavar': 'N'},
-        'number of parallel processes for --each (default: one per CPU)'),
-    ('--worker-memory', {'type': float, 'default': 4.0, 'metavar': 'GIB'},
-        'memory limit of each process of --each [GiB]; 0 for no limit (default: %(default)g)'),
-    ('--ray', {'default': '', 'metavar': 'ADDRESS'},
-        'address of the Ray cluster that runs the identifications of --each; '
-        "'local' starts a cluster on this computer"),
     ('--holdout', {'type': fraction, 'default': 0.0, 'metavar': 'SHARE'},
         'fraction of each recording of --bag, taken from its end, for validation instead of '
         'identification'),
@@ -113,12 +99,6 @@ _OPTIONS: tuple[Option, ...] = (
         'largest accepted chunk or message of a bag [MiB] (default: %(default)g)'),
     ('--out', {'type': Path, 'metavar': 'DIR'},
         'result folder (default: output/identification_DATE_TIME)'),
-    ('--verify', {'type': Path, 'metavar': 'FILE'},
-        'YAML file with upper limits of result values, for example filtered: 2.0 for the '
-        'filtered validation error [%%]; if a value exceeds its limit, the exit status is 1'),
-    ('--compare', {'nargs': 2, 'type': Path, 'metavar': ('OLD', 'NEW')},
-        'compare two existing results instead of reading bags: print the parameters that differ '
-        'by more than their uncertainty'),
     ('--truth', {'type': Path, 'metavar': 'FILE'},
         'file with the true parameters of a simulated arm, for comparison with the estimates'),
     ('--tf-prefix', {'default': '', 'metavar': 'TEXT'},
@@ -162,8 +142,6 @@ _OPTIONS: tuple[Option, ...] = (
     ('--coupled', {'nargs': '+', 'type': pair, 'default': [], 'metavar': 'JOINT=DRIVER'},
         'pairs of coupled drives, in addition to those of --config: the torque of JOINT depends '
         'on velocity and acceleration of DRIVER'),
-    ('--rollouts', {'action': 'store_true'},
-        'also simulate each identified model over windows of 0.5 s of the validation data'),
     ('--total-mass', {'nargs': 2, 'type': float, 'metavar': ('MIN', 'MAX')},
         'smallest and largest possible total mass of the moving links [kg], for example from '
         'weighing'),

@@ -32,13 +32,7 @@ from aerarm_ros.identification.files.identified_robot import (
 )
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.files.summary import ExportError, export_errors, summarise
-from aerarm_ros.identification.identification_result import (
-    Check,
-    IdentificationResult,
-    bag_energies,
-    judge,
-    read_limits,
-)
+from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.joint_model import TermKind
 from aerarm_ros.identification.recording.recording import BagFacts, JointMapping, Recording
@@ -254,14 +248,7 @@ class IdentifierRun:
         self._stopwatch = Stopwatch()
         paths: list[Path] = [*options.bag, *options.validation, *options.payload]
         self._arm = RecordedArm(options, paths)
-        self._limits = read_limits(options.verify) if options.verify else {}
-        self._checks: list[Check] = []
         self._exports: Sequence[ExportError] = ()
-
-    @property
-    def passed(self) -> bool:
-        """Whether the torque errors satisfy the limits given by --verify; True without --verify."""
-        return all(check.passed for check in self._checks)
 
     def execute(self) -> str:
         """Identify the arm, write the result folder, and return a table for the terminal.
@@ -285,28 +272,7 @@ class IdentifierRun:
         lines.append(exports_text(self._exports, validation or identification))
         if payload is not None:
             lines.append(f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg')
-        lines += [check.text for check in self._checks]
         return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
-
-    def identified(self) -> tuple[IdentificationResult, float, float]:
-        """Identify the arm without writing files.
-
-        Returns
-        -------
-        result : IdentificationResult
-        start : float
-            Time of the first sample of the first bag [s since 1970].
-        seconds : float
-            Duration of reading and identification [s].
-
-        Raises
-        ------
-        IdentificationError, BagError
-            If a bag cannot be used for identification.
-        """
-        identification, validation = self._read()
-        result = self._identify(identification, validation)
-        return result, identification[0].start, sum(self._stopwatch.seconds.values())
 
     def _read(self) -> tuple[list[Recording], list[Recording]]:
         with self._stopwatch.stage('reading'):
@@ -334,7 +300,6 @@ class IdentifierRun:
                 tuple(options.total_mass) if options.total_mass else None, options.bound_centres
             ),
             tilt=not options.exact_gravity,
-            rollouts=options.rollouts,
             progress=lambda solver: _progress(f'solving by {solver}'),
         )
         result = identify(
@@ -369,26 +334,12 @@ class IdentifierRun:
         summary = summarise(
             result, seconds, extras.truth_errors, payload, extras.facts, extras.exports
         )
-        if self._limits:
-            self._checks = judge(result, self._limits)
-            checks = [check._asdict() for check in self._checks]
-            summary['verdict'] = {'passed': self.passed, 'checks': checks}
         directory.write_json(MARKER, summary)
 
     def _extras(self, result: IdentificationResult) -> ReportExtras:
         bags = self._arm.read.items()
         desired = {name: bag.desired for name, bag in bags if bag.desired is not None}
-        config = self._arm.config
-        energy = bag_energies(config, result) if config else {}
-        joints = config.joints if config else ()
-        used = {joint.name: joint.motor.resistance_text for joint in joints}
-        extras = ReportExtras(
-            desired,
-            facts=self._arm.facts(),
-            energy=energy,
-            resistances=used,
-            exports=export_errors(result),
-        )
+        extras = ReportExtras(desired, facts=self._arm.facts(), exports=export_errors(result))
         if self._options.truth is None:
             return extras
         from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
@@ -438,10 +389,6 @@ class PayloadRun(IdentifierRun):
             raise IdentificationError(
                 'with --model the identifier estimates only a payload: pass the bags with the '
                 'payload as --payload, and remove --bag and --validation'
-            )
-        if options.verify:
-            raise IdentificationError(
-                '--verify checks an arm identified from --bag: remove --verify or --model'
             )
         with ResultDirectory(result_folder(options, 'payload'), files=_FILES) as directory:
             robot = self._arm.robot

@@ -70,16 +70,6 @@ def truth_of(arm, model, gains: np.ndarray) -> Truth:
     return Truth(dict(zip(model.columns, values, strict=True)), np.zeros(4), gains)
 
 
-def test_equal_torque_constants_scale_every_base_parameter(
-    result: IdentificationResult, arm
-) -> None:
-    fit, base = result.fit, result.used_base
-    true = truth_of(arm, fit.model, np.full(4, 1.02))
-    values = true.base_values(fit, base)
-    assert np.allclose(values, base.values(true.vector(fit.model)))
-    assert true.measured_base_values(fit, base) == pytest.approx(1.02 * values, abs=1e-9)
-
-
 def test_identified_base_parameters_are_those_that_currents_show(
     make_arm: Callable, robot, config
 ) -> None:

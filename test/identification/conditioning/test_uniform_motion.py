@@ -1,16 +1,16 @@
-"""Resampling onto a grid that fits the period, and finding the motion."""
+"""Whole periods, resampling onto a grid that fits them, and the motion between rests."""
 
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.conditioning.periodicity import PeriodicPart
-from aerarm_ros.identification.conditioning.uniform_motion import (
-    aperiodic_motion,
-    periodic_motion,
-    sampling_time,
+from aerarm_ros.identification.conditioning.periodicity import (
+    PeriodicPart,
+    count_harmonics,
+    find_periodic_part,
 )
+from aerarm_ros.identification.conditioning.uniform_motion import aperiodic_motion, periodic_motion
 from aerarm_ros.identification.errors import IdentificationError
 
 
@@ -50,6 +50,62 @@ def test_a_short_motion_is_refused(make_arm: Callable) -> None:
         aperiodic_motion(recording.part(0.5, 0.5 + 2.5 / recording.duration, ''))
 
 
-def test_sampling_time_ignores_gaps(make_arm: Callable) -> None:
-    recording = make_arm(rate=100.0).recording(1)
-    assert sampling_time(recording) == pytest.approx(0.01)
+@pytest.mark.parametrize(('f0', 'harmonics', 'periods'), [(0.1, 5, 2), (0.5, 3, 4), (0.0737, 4, 2)])
+def test_period_and_harmonics_are_found(
+    make_arm: Callable, f0: float, harmonics: int, periods: int
+) -> None:
+    arm = make_arm(rate=100.0)
+    t, q, dq, _ = arm.motion(3, periods=periods, f0=f0, harmonics=harmonics)
+    part = find_periodic_part(t, q + 1e-4 * np.random.default_rng(0).standard_normal(q.shape))
+    assert part is not None
+    assert part.fundamental == pytest.approx(f0, rel=1e-3)
+    assert part.periods == periods
+    assert part.start == pytest.approx(3.0, abs=0.03 * periods / f0 * 0.2 + 0.2)
+    inside = (t >= part.start - 1e-9) & (t < part.start + periods * part.period - 1e-9)
+    assert count_harmonics(dq[inside], periods) == harmonics
+
+
+def test_a_round_frequency_is_met_exactly(make_arm: Callable) -> None:
+    t, q, _, _ = make_arm(rate=100.0).motion(1)
+    part = find_periodic_part(t, q)
+    assert part is not None
+    assert part.fundamental == 0.1
+
+
+def test_a_recording_of_nothing_but_periods(make_arm: Callable) -> None:
+    t, q, _, _ = make_arm(rate=100.0).motion(1, periods=3)
+    inside = slice(300, 3300)  # without the last sample, which would be the first again
+    part = find_periodic_part(t[inside], q[inside])
+    assert part is not None
+    assert (part.start, part.periods) == (pytest.approx(3.0), 3)
+
+
+def test_one_period_is_found_if_its_frequency_is_known(make_arm: Callable) -> None:
+    t, q, _, _ = make_arm(rate=100.0).motion(4, periods=1)
+    assert find_periodic_part(t, q) is None
+    part = find_periodic_part(t, q, fundamental=0.1)
+    assert part is not None
+    assert part.periods == 1
+    assert part.start == pytest.approx(3.0, abs=0.3)
+
+
+def test_standing_still_is_no_period(make_arm: Callable) -> None:
+    """Rest repeats itself perfectly, which must not count."""
+    t, q, _, _ = make_arm(rate=50.0).motion(1, still=25.0)
+    part = find_periodic_part(t, q)
+    assert part is not None
+    assert part.start == pytest.approx(27.0, abs=0.3)
+    assert part.periods == 2
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_wandering_is_not_periodic(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    t = np.arange(0.0, 30.0, 0.02)
+    q = np.cumsum(np.cumsum(random.standard_normal((len(t), 3)), axis=0), axis=0) * 1e-3
+    assert find_periodic_part(t, q) is None
+
+
+def test_a_chirp_is_not_periodic() -> None:
+    t = np.arange(0.0, 30.0, 0.02)
+    assert find_periodic_part(t, np.sin(0.5 * t + 0.05 * t**2)[:, None]) is None

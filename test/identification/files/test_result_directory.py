@@ -40,25 +40,6 @@ def test_an_earlier_result_is_replaced_only_by_a_complete_one(tmp_path: Path) ->
     assert [p.name for p in tmp_path.iterdir()] == ['result']
 
 
-def test_an_empty_folder_is_used(tmp_path: Path) -> None:
-    with ResultDirectory(tmp_path / 'new') as directory:
-        directory.write(MARKER, '')
-    (tmp_path / 'empty').mkdir()
-    with ResultDirectory(tmp_path / 'empty') as directory:
-        directory.write(MARKER, '')
-    assert (tmp_path / 'empty' / MARKER).exists()
-
-
-def test_other_peoples_files_are_safe(tmp_path: Path) -> None:
-    (tmp_path / 'thesis.tex').write_text('years of work')
-    with (
-        pytest.raises(IdentificationError, match='contains other files'),
-        ResultDirectory(tmp_path),
-    ):
-        pass
-    assert (tmp_path / 'thesis.tex').exists()
-
-
 @pytest.mark.parametrize('files', [(MARKER, 'estimate.yaml'), (MARKER, 'report.html', 'notes.md')])
 def test_a_result_with_anything_else_is_not_replaced(tmp_path: Path, files: tuple) -> None:
     """Somebody's notes, or what another program wrote with a marker of the same name."""
@@ -71,14 +52,6 @@ def test_a_result_with_anything_else_is_not_replaced(tmp_path: Path, files: tupl
     ):
         pytest.fail('nothing should be computed')
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(files)
-
-
-def test_the_directory_reports_whether_it_replaced_a_result(tmp_path: Path) -> None:
-    for replaced in (False, True):
-        with ResultDirectory(tmp_path / 'result', files=(MARKER, 'x')) as directory:
-            directory.write(MARKER, '')
-            directory.write('x', '')
-        assert directory.replaced == replaced
 
 
 def test_impossible_places_are_noticed_at_once(tmp_path: Path) -> None:

@@ -1,11 +1,22 @@
-"""summary.json has the keys that were promised."""
+"""The summary has its keys, and the error of each file is that of the file's reader."""
 
 import json
+from collections.abc import Callable
+from pathlib import Path
 
+import mujoco
+import numpy as np
+import pinocchio as pin
 import pytest
+import yaml
 
-from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.identification.assessment import torque_errors
+from aerarm_ros.identification.files.summary import ExportError, export_errors, summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
+from aerarm_ros.ros.library.identification import IdentifiedArm, load_identified
 
 
 def test_keys_and_values(result: IdentificationResult) -> None:
@@ -34,3 +45,103 @@ def test_keys_and_values(result: IdentificationResult) -> None:
     assert summary['solvers']['sdp']['validation'][0]['filtered'] == pytest.approx(
         result.recommended.validation[0].filtered
     )
+
+
+_STEPS = 0.3  # [%] by which errors differ, since steps of friction are filtered at another rate
+
+
+@pytest.fixture(scope='module')
+def loaded(make_arm: Callable, robot: Robot, config: ArmConfig) -> IdentificationResult:
+    """An arm whose friction grows with its load."""
+    arm = make_arm(rate=100.0, load=0.15)
+    bags = [[arm.recording(seed, noise=1.0)] for seed in (1, 2)]
+    options = IdentificationOptions(friction='load+offset', tilt=False)
+    return identify(robot, config, *bags, options, Stopwatch())
+
+
+@pytest.fixture(scope='module')
+def folder(loaded: IdentificationResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return IdentifiedArm(loaded, {}).save(tmp_path_factory.mktemp('saved') / 'result')
+
+
+@pytest.fixture(scope='module')
+def stated(loaded: IdentificationResult) -> dict[str, ExportError]:
+    found = export_errors(loaded)
+    return {f'{error.file} {error.contents.split(" ")[0].strip(":")}': error for error in found}
+
+
+def error_of(result: IdentificationResult, torque: Callable[..., np.ndarray]) -> float:
+    """Return the error on the validation bag of what a reader predicts for each sample."""
+    samples = result.validation[0].samples
+    motion = zip(samples.q, samples.dq, samples.ddq, strict=True)
+    kept = samples.kept
+    predicted = samples.coarse_filter(np.array([torque(*row) for row in motion]))
+    return torque_errors(samples.tau[kept], predicted[kept])[0]
+
+
+def test_the_whole_model_comes_back_in_one_line(
+    loaded: IdentificationResult, folder: Path, stated: dict[str, ExportError]
+) -> None:
+    model = load_identified(folder)
+    samples = loaded.validation[0].samples
+    motion = samples.q, samples.dq, samples.ddq
+    expected = IdentifiedArm(loaded, {}).torque(*motion)
+    assert model.torque(*motion) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    sdp = loaded.recommended.validation[0]
+    assert stated['estimate.yaml whole'].filtered[-1] == pytest.approx(sdp.filtered)
+
+
+def test_pinocchio_reads_the_urdf_as_stated(
+    loaded: IdentificationResult, folder: Path, stated: dict[str, ExportError]
+) -> None:
+    model = pin.buildModelFromUrdf(str(folder / 'identified.urdf'))
+    data = model.createData()
+
+    def torque(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        dry = model.upperDryFrictionLimit if hasattr(model, 'upperDryFrictionLimit') else None
+        friction = model.friction if dry is None else dry
+        links = pin.rnea(model, data, q, dq, ddq)
+        return links + model.damping * dq + np.asarray(friction) * np.sign(dq)
+
+    found = error_of(loaded, torque)
+    assert stated['identified.urdf Pinocchio'].filtered[-1] == pytest.approx(found, abs=_STEPS)
+    values = yaml.safe_load((folder / 'estimate.yaml').read_text())['/**']['ros__parameters']
+    model.armature[:] = values['rotor_inertia']
+    model.gravity.linear = np.array(values['gravity_in_base'])
+    assert error_of(loaded, torque) == pytest.approx(
+        stated['identified.xml MuJoCo'].filtered[-1], abs=_STEPS
+    )
+
+
+def test_mujoco_reads_the_mjcf_as_stated(
+    loaded: IdentificationResult, folder: Path, stated: dict[str, ExportError]
+) -> None:
+    model = mujoco.MjModel.from_xml_path(str(folder / 'identified.xml'))
+    damping, dry = model.dof_damping.copy(), model.dof_frictionloss.copy()
+    model.dof_frictionloss[:], model.dof_damping[:], model.jnt_limited[:] = 0.0, 0.0, 0
+    data = mujoco.MjData(model)
+
+    def torque(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        data.qpos, data.qvel, data.qacc = q, dq, ddq
+        mujoco.mj_inverse(model, data)
+        return data.qfrc_inverse + damping * dq + dry * np.sign(dq)
+
+    assert stated['identified.xml MuJoCo'].filtered[-1] == pytest.approx(
+        error_of(loaded, torque), abs=_STEPS
+    )
+
+
+def test_files_that_carry_less_are_worse(stated: dict[str, ExportError]) -> None:
+    whole = stated['estimate.yaml whole'].filtered[-1]
+    simulator = stated['identified.xml MuJoCo'].filtered[-1]
+    assert whole < simulator < stated['identified.urdf Pinocchio'].filtered[-1]
+    assert stated['identified.sdf Drake'].filtered[-1] == pytest.approx(simulator)
+
+
+def test_the_suite_reads_load_dependent_friction_separately(
+    loaded: IdentificationResult, folder: Path
+) -> None:
+    robot = load_robot(folder / 'identified.urdf')
+    estimate = loaded.recommended.estimate
+    assert robot.load_friction == pytest.approx(estimate.joint_values('fl'))
+    assert robot.coulomb == pytest.approx(estimate.joint_values('fs'), abs=1e-9)

@@ -1,16 +1,25 @@
-"""The data choose how the kinematics are cleaned."""
+"""The data choose filters, the direction of gravity and delays."""
 
+import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.metadata import files
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from aerarm_ros.description.robot import Robot
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.model_choice.filter_choice import choose_filter
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.regressor import Regressor
 
 
@@ -75,13 +84,6 @@ def test_filters_then_sources_are_tried_at_the_rule_and_the_best_below_it(
     assert all(trial.kinematics.from_position for trial in without.trials)
 
 
-def test_of_a_long_recording_a_part_decides_and_all_is_used(
-    make_arm: Callable, robot: Robot
-) -> None:
-    recording = make_arm(rate=100.0).recording(1, periods=14)
-    assert choice_for(recording, robot).bags[0].samples.recorded == 14_000
-
-
 def test_noise_that_misleads_the_rule_is_caught_by_held_out_torque(
     make_arm: Callable, robot: Robot
 ) -> None:
@@ -110,3 +112,142 @@ def test_filter_and_cutoff_can_be_fixed(
     choice = choose_filter(Regressor(robot), conditioner, [recording])
     assert {trial.kinematics.harmonics for trial in choice.trials} == counts
     assert [trial.cutoff for trial in choice.trials] == [6.0, 6.0]
+
+
+EFFORT = np.array([5e-3, 5e-3, -5e-3, 0.0])
+VELOCITY = np.array([0.0, 8e-3, 0.0, 0.0])
+
+
+def late(bag: Recording, values: np.ndarray, delay: np.ndarray) -> np.ndarray:
+    pairs = zip(delay, values.T, strict=True)
+    return np.column_stack([np.interp(bag.time - d, bag.time, v) for d, v in pairs])
+
+
+def of_late(robot: Robot, config: ArmConfig, bag: Recording, exact: bool = False):
+    conditioning = ConditioningOptions(exact_stamps=exact)
+    options = IdentificationOptions(conditioning, friction='coulomb')
+    return identify(robot, config, [bag], [], options, Stopwatch())
+
+
+def test_a_delay_of_five_milliseconds_is_found(arm, robot: Robot, config: ArmConfig) -> None:
+    bag = arm.recording(1, noise=1.0)
+    moved = replace(bag, tau=late(bag, bag.tau, EFFORT), dq=late(bag, bag.dq, VELOCITY))
+    found = of_late(robot, config, moved)
+    assert found.delay.found == pytest.approx(EFFORT, abs=1e-3)
+    assert np.all((found.delay.deviation > 0.0) & (found.delay.deviation < 2e-3))
+    assert np.all(np.abs(found.delay.found - EFFORT) < 3.0 * found.delay.deviation)
+    assert found.conditioner.delays.velocity == pytest.approx(VELOCITY, abs=2e-4)
+    used = found.delay.used
+    assert used[0] == pytest.approx(5e-3, abs=1e-3)
+    assert np.array_equal(found.conditioner.delays.effort, used)
+    # What a summary holds are plain numbers.
+    assert json.loads(json.dumps(summarise(found, {})))['delays']['velocity_used'] is True
+    trusting = of_late(robot, config, moved, exact=True)
+    assert trusting.delay is None
+    before, after = (each.recommended.identification[0].filtered for each in (trusting, found))
+    assert after < 0.8 * before
+
+
+def test_signals_of_one_instant_are_left_alone(result) -> None:
+    assert np.abs(result.delay.found).max() < 1e-3
+    assert not result.conditioner.delays.effort.any()
+    assert not result.conditioner.delays.velocity.any()
+
+
+TILT = np.radians([0.8, -1.1])  # about the base's x and y axes
+
+
+def tilted(make_arm: Callable, robot: Robot, config: ArmConfig, **options):
+    plain = make_arm(rate=200.0)
+    leaning = replace(
+        plain,
+        robot=robot.with_gravity(
+            robot.gravity_in_base + np.cross([*TILT, 0.0], robot.gravity_in_base)
+        ),
+    )
+    return identify(
+        robot,
+        config,
+        [leaning.recording(1, noise=1.0)],
+        [leaning.recording(2, noise=1.0)],
+        IdentificationOptions(friction='coulomb', **options),
+        Stopwatch(),
+    )
+
+
+def test_a_tilt_is_found_and_used(make_arm: Callable, robot: Robot, config: ArmConfig) -> None:
+    found = tilted(make_arm, robot, config)
+    gravity = found.gravity.used
+    true = robot.gravity_in_base + np.cross([*TILT, 0.0], robot.gravity_in_base)
+    assert np.linalg.norm(np.cross(gravity, true)) < np.radians(0.2) * gravity @ gravity
+    assert np.linalg.norm(gravity) == pytest.approx(np.linalg.norm(found.gravity.stated))
+    assert np.array_equal(found.robot.gravity_in_base, gravity)
+    blind = tilted(make_arm, robot, config, tilt=False)
+    assert blind.gravity is None
+    assert found.recommended.validation[0].filtered < 0.8 * blind.recommended.validation[0].filtered
+    # What slight tilts make of the rank is not the motion's merit.
+    assert found.thesis_base.rank == blind.thesis_base.rank
+    assert found.used_base.rank == blind.used_base.rank
+
+
+def test_a_level_base_stays_level(result) -> None:
+    assert result.gravity.tilt == 0.0
+    assert np.array_equal(result.robot.gravity_in_base, result.gravity.stated)
+    assert result.gravity.error > 0.95
+
+
+POSTURE = np.array([0.0, -0.3, 0.0, -1.8, 0.0, 1.6, 0.8])
+# No period fits these harmonics, so that only a low-pass can be used.
+HARMONICS = np.array([1.13, 2.29, 3.41, 4.17, 5.37])
+FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
+
+
+@pytest.fixture(scope='module')
+def panda() -> Robot:
+    urdf = next(f for f in files('example-robot-data') or () if f.name == 'panda.urdf')
+    return load_robot(Path(str(urdf.locate())), locked=FINGERS)
+
+
+def panda_recording(panda: Robot, fundamental: float, seconds: float, seed: int) -> Recording:
+    """Record an arm whose links differ from the drawing by up to 15 %."""
+    random = np.random.default_rng(seed)
+    alpha, beta = random.uniform(-0.35, 0.35, (2, 7, 5)) / np.sqrt(np.arange(1, 6))
+    t = np.arange(0.0, seconds, 1e-3)
+    omega = 2.0 * np.pi * fundamental * HARMONICS
+    s, c = np.sin(np.outer(t, omega)), np.cos(np.outer(t, omega))
+    q = POSTURE + s @ alpha.T + c @ beta.T
+    dq = (c * omega) @ alpha.T - (s * omega) @ beta.T
+    ddq = -(s * omega**2) @ alpha.T - (c * omega**2) @ beta.T
+    scale = 1.0 + 0.15 * np.random.default_rng(1).uniform(-1.0, 1.0, (7, 1))
+    arm = panda.with_inertial_parameters(panda.inertial_parameters * scale)
+    dynamics = Dynamics(arm, np.full(7, 0.2))
+    links = np.array([dynamics.inverse(*state) for state in zip(q, dq, ddq, strict=True)])
+    tau = links + 0.6 * dq + (0.3 + 0.02 * np.abs(links)) * np.tanh(dq / 0.02)
+    noise, steps = np.zeros_like(dq), 0.03 * random.standard_normal(dq.shape)
+    for k in range(1, len(noise)):
+        noise[k] = 0.95 * noise[k - 1] + steps[k]
+    return Recording(
+        name=f'seed {seed}',
+        joint_names=panda.joint_names,
+        time=t,
+        q=q + 1e-3 * random.standard_normal(q.shape),
+        dq=np.round((dq + noise) / 0.01) * 0.01,
+        tau=tau + 0.3 * random.standard_normal(tau.shape),
+        dead_effort=np.zeros(7, dtype=bool),
+    )
+
+
+def test_the_chosen_cutoff_predicts_faster_motion(panda: Robot) -> None:
+    """Noise of the velocities sets no band. Ten times a band of 65 Hz predicts 4 times worse."""
+    slow, fast = panda_recording(panda, 0.05, 20.0, 1), panda_recording(panda, 0.2, 6.0, 2)
+
+    def run(cutoff: float | None) -> IdentificationResult:
+        options = IdentificationOptions(ConditioningOptions(cutoff=cutoff), friction='load')
+        return identify(panda, None, [slow], [fast], options, Stopwatch())
+
+    chosen, by_hand, high = run(None), run(3.0), run(10.0)
+    errors = [r.recommended.validation[0] for r in (chosen, by_hand, high)]
+    assert chosen.conditioner.band < 0.5
+    assert errors[0].filtered < 1.1 * errors[1].filtered
+    assert errors[0].raw < 1.1 * errors[1].raw
+    assert errors[0].raw < 0.5 * errors[2].raw

@@ -1,16 +1,40 @@
-"""Friction models by name and by choice."""
+"""Friction models by name and by cross-validation, which equals fitting and predicting."""
+
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.robot import Robot
+from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.conditioning.conditioning import Conditioner
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
+from aerarm_ros.identification.conditioning.uniform_motion import FOLDS
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.joint_model import TermKind
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
 from aerarm_ros.identification.model_choice.model_choice import (
+    DISTANCES,
     FRICTION_MODELS,
+    CrossValidation,
+    candidate_terms,
     choose_model,
     friction_terms,
+    select_terms,
 )
+from aerarm_ros.identification.regression.model_fit import RegressionBank
+from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.ros.library.identification import IdentifiedModel
 
 
 @pytest.mark.parametrize('name', sorted(FRICTION_MODELS))
@@ -18,16 +42,6 @@ def test_named_models_are_fitted_as_they_are(result: IdentificationResult, name:
     fit, comparisons = choose_model(result.robot, result.identification, result.cad, name)
     assert fit.model.terms == (FRICTION_MODELS[name],) * 4
     assert comparisons == []
-
-
-def test_the_choice_starts_from_the_thesis(result: IdentificationResult) -> None:
-    """The simulated arm has viscous and Coulomb friction and rotors: little is added."""
-    fit, comparisons = choose_model(result.robot, result.identification, result.cad, 'auto')
-    for terms in fit.model.terms:
-        kinds = {term.kind for term in terms}
-        assert {TermKind.VISCOUS, TermKind.COULOMB, TermKind.ROTOR} <= kinds
-    assert len(fit.model.joint_columns) <= 12 + 2
-    assert {comparison.joint for comparison in comparisons} == set(range(4))
 
 
 def test_models_are_combined(result: IdentificationResult) -> None:
@@ -54,3 +68,133 @@ def test_dahl_friction_replaces_the_step_of_all_dry_friction() -> None:
 def test_unknown_models_are_named(name: str) -> None:
     with pytest.raises(IdentificationError, match='friction model'):
         friction_terms(name)
+
+
+START = (*THESIS_TERMS, ROTOR)
+
+
+def bank_of(arm, robot: Robot) -> RegressionBank:
+    recording = arm.recording(1, noise=1.0)
+    conditioner = Conditioner([recording], ConditioningOptions())
+    kinematics = conditioner.candidates()[0]
+    bag = SampleColumns(conditioner.condition(recording, kinematics), Regressor(robot))
+    return RegressionBank([bag], candidate_terms(), arm.inertial.ravel())
+
+
+def validation_of(bank: RegressionBank, cad: ArmParameters) -> CrossValidation:
+    return CrossValidation(
+        bank, cad.inertial.ravel(), 0.3 * cad.inertial_scale().ravel(), np.full(4, 100.0)
+    )
+
+
+def test_score_is_that_of_five_separate_fits(
+    make_arm: Callable, robot: Robot, cad: ArmParameters
+) -> None:
+    bank = bank_of(make_arm(), robot)
+    model = JointModel.uniform(robot.joint_names, robot.link_names, START)
+    expected = 0.0
+    for fold in range(FOLDS):
+        others = [other for other in range(FOLDS) if other != fold]
+        training, held_out = bank.regression(model, others), bank.regression(model, [fold])
+        system = training.system(100.0)
+        # The same prior: links about CAD, a coefficient's deviation explains all of the torque.
+        norms = training.column_norms()
+        links = cad.inertial.ravel()
+        shifted = [
+            np.linalg.norm(factor[:, -1] - factor[:, :40] @ links) for factor in training.factors
+        ]
+        std = np.concatenate(
+            [
+                0.3 * cad.inertial_scale().ravel(),
+                [
+                    shifted[joint] / norms[joint, index]
+                    for index, (joint, _) in enumerate(model.joint_columns, start=40)
+                ],
+            ]
+        )
+        mean = np.concatenate([links, np.zeros(12)])
+        rows = np.vstack([system.R, np.diag(1.0 / std)])
+        right = np.concatenate([system.z, mean / std])
+        theta = np.linalg.lstsq(rows, right, rcond=None)[0]
+        theta[40:] = np.maximum(theta[40:], 0.0)
+        expected += np.sum((100.0 * held_out.residual_norms(theta)) ** 2)
+    validation = validation_of(bank, cad)
+    assert validation.score([START] * 4) == pytest.approx(expected, rel=1e-5)
+    variants = [START, (*START, JointTerm(TermKind.OFFSET)), START[:2]]
+    together = validation.score_variants([START] * 4, 2, variants)
+    alone = [validation.score([START, START, variant, START]) for variant in variants]
+    assert np.allclose(together, alone)
+
+
+@pytest.mark.parametrize('load', [0.0, 0.06])
+def test_load_dependent_friction_is_found_where_it_is(
+    make_arm: Callable, robot: Robot, cad: ArmParameters, load: float
+) -> None:
+    """Joint 2 carries the arm: only there does the load change much."""
+    validation = validation_of(bank_of(make_arm(load=load), robot), cad)
+    chosen, comparisons = select_terms(validation, [START] * 4)
+    kinds = {term.kind for term in chosen[1]}
+    assert (TermKind.LOAD in kinds) == (load > 0.0)
+    assert comparisons
+    assert all(TermKind.COULOMB in {t.kind for t in own} for own in chosen)
+    # Nothing is added to a model that is complete.
+    assert load or sum(len(own) - len(START) for own in chosen) <= 1
+
+
+def test_friction_that_builds_up_is_noticed_and_predicted(
+    make_arm: Callable, robot: Robot, config: ArmConfig
+) -> None:
+    """Joint 3 has dry friction that builds up over 20 mrad, the others have friction of a step."""
+    arm = make_arm()
+    bags = []
+    for seed in (1, 2):
+        bag = arm.recording(seed, noise=1.0)
+        tau, state, last = bag.tau.copy(), 1.0, bag.q[0, 2]
+        for row, angle in enumerate(bag.q[:, 2]):
+            step, last = angle - last, angle
+            state += step / 0.02 * (1.0 - state * np.sign(step))
+            tau[row, 2] += 0.5 * state
+        bags.append(replace(bag, tau=tau))
+
+    def found(friction: str) -> IdentificationResult:
+        options = IdentificationOptions(friction=friction)
+        return identify(robot, config, bags[:1], bags[1:], options, Stopwatch())
+
+    chosen, step = found('auto'), found('coulomb')
+    distances = [max(term.distance for term in own) for own in chosen.fit.model.terms]
+    assert distances[2] in DISTANCES
+    assert distances[2] >= 0.01
+    assert [distances[joint] for joint in (0, 1, 3)] == [0.0, 0.0, 0.0]
+    errors = [r.recommended.validation[0].per_joint_filtered[2] for r in (chosen, step)]
+    assert errors[0] < 0.5 * errors[1]
+    # the same torque from the complete model
+    samples = chosen.validation[0].samples
+    torque = IdentifiedModel(robot, chosen.recommended.estimate).torque(
+        samples.q, samples.dq, samples.ddq, is_motion=True
+    )
+    assert np.allclose(torque, chosen.recommended.validation[0].prediction.raw)
+
+
+@pytest.mark.parametrize(
+    ('extra', 'expected'),
+    [
+        (lambda dq: 0.4 * np.sign(dq) * np.exp(-((dq / 0.15) ** 2)), {TermKind.STRIBECK}),
+        # On a joint that never rests long, half of it looks like an offset, half like Coulomb.
+        (lambda dq: 0.3 * np.maximum(np.sign(dq), 0.0), {TermKind.FORWARD, TermKind.OFFSET}),
+        (np.zeros_like, set()),
+    ],
+    ids=['stribeck', 'asymmetric', 'none'],
+)
+def test_friction_of_one_joint_is_noticed(
+    make_arm: Callable, robot: Robot, config: ArmConfig, extra: Callable, expected: set
+) -> None:
+    bag = make_arm(rate=200.0).recording(1, noise=1.0)
+    tau = bag.tau.copy()
+    tau[:, 2] += extra(np.gradient(bag.q[:, 2], bag.time))
+    spoilt = [replace(bag, tau=tau)]
+    found = identify(robot, config, spoilt, [], IdentificationOptions(), Stopwatch())
+    kinds = {term.kind for term in found.fit.model.terms[2]}
+    assert kinds & expected or not expected
+    optional = {TermKind.STRIBECK, TermKind.FORWARD, TermKind.BACKWARD, TermKind.CREEP}
+    assert expected or not kinds & optional
+    assert found.recommended.estimate.physically_consistent

@@ -1,15 +1,15 @@
-"""The bench on emulated boards and a physics engine, against what that arm is made of.
+"""The bench on emulated boards and a physics engine, against the parameters of that arm.
 
 The plant's measured torque is the bridge's mean of a cycle, which leaves an error of a few mNm
-for each rad/s, and of K_d times 0.3 ms for each rad/s^2: the tolerances below hold them.
+per rad/s, and of K_d times 0.3 ms per rad/s^2: the tolerances below include them.
 """
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_rig import measure, record, swing
-from motor_data import steps, swings
+from bench_rig import measure, swing
+from motor_data import GRAVITY, INERTIA, acceleration, steps, swings
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.drive_config import JointConfig
@@ -23,20 +23,24 @@ from aerarm_ros.identification.motor_bench.motor_bench import (
     KnownMass,
     MotorBench,
     MotorResult,
+    backlash_shifts,
+    fit_inertia,
+    fit_torque_constant,
 )
 from aerarm_ros.identification.motor_bench.motor_friction import (
     VOLTAGE,
     MotorFriction,
     MotorRun,
     MotorSupply,
+    fit_motor_friction,
 )
+from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 # As short as each answer allows: an emulated second takes half of one.
-PLAN = BenchPlan(speeds=(0.8, 2.0), span=1.4, runs=1)
-LOADED_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=1)  # joint 2 takes longer to get fast
-GRAVITY_PLAN = BenchPlan(speeds=(0.8, 1.6), span=1.6, runs=0)
-QUICK_PLAN = BenchPlan(speeds=(1.0, 2.0), span=1.2, runs=0)
+PLAN = BenchPlan(speeds=(1.0, 2.0), span=1.2, runs=1)
+LOADED_PLAN = BenchPlan(speeds=(1.0, 1.6), span=1.4, runs=1)  # joint 2 takes longer to get fast
+GRAVITY_PLAN = BenchPlan(speeds=(1.2, 2.0), span=1.2, runs=0)
 WORN = 0.015  # [rad] of play in each gear
 WOUND = (0.13, 0.12, 0.5, 0.19)  # [ohm] of the motors that report voltages, not as configured
 
@@ -101,14 +105,21 @@ def check_resistance(result: MotorResult, true: float) -> None:
     assert found.std < 0.05 * found.ohm
 
 
+@pytest.fixture(scope='module')
+def mounted(
+    telling: ArmConfig, config: ArmConfig, robot: Robot, truth: PlantParameters
+) -> tuple[list[MotorRun], MotorSupply]:
+    """Runs of joint 4 without a mass."""
+    return measure(telling, robot, truth, 3, config.rest_position, PLAN)
+
+
 def test_a_mounted_joint(
-    config: ArmConfig, telling: ArmConfig, robot: Robot, truth: PlantParameters
+    config: ArmConfig, telling: ArmConfig, robot: Robot, truth: PlantParameters, mounted: tuple
 ) -> None:
-    runs, supply = measure(telling, robot, truth, 3, config.rest_position, PLAN)
     bench = MotorBench(config, robot, config.rest_position)
-    result = bench.evaluate(3, runs, supply)
+    result = bench.evaluate(3, *mounted)
     check_drive(result, truth, 3)
-    check_resistance(result, true_resistance(telling.joints[3], truth.seed, supply))
+    check_resistance(result, true_resistance(telling.joints[3], truth.seed, mounted[1]))
     assert bench.warnings == []
 
 
@@ -133,7 +144,7 @@ def test_a_bare_motor(config: ArmConfig, robot: Robot, truth: PlantParameters) -
     nothing = 1e-4 * robot.inertial_parameters
     light = robot.with_inertial_parameters(nothing)
     bare = replace(truth, inertial_parameters=nothing)
-    runs = record(config, light, bare, 0, np.zeros(4), PLAN)
+    runs, _ = measure(config, light, bare, 0, np.zeros(4), PLAN)
     result = MotorBench(config, None, np.zeros(4)).evaluate(0, runs)
     check_drive(result, bare, 0)
     np.testing.assert_array_equal(result.friction.gravity, 0.0)
@@ -181,13 +192,12 @@ def test_swings_without_a_significant_backlash_are_reported(
 
 
 def test_torque_constant_from_a_known_mass(
-    config: ArmConfig, robot: Robot, truth: PlantParameters
+    config: ArmConfig, robot: Robot, truth: PlantParameters, mounted: tuple
 ) -> None:
     mass, centre = 0.3, (0.1, 0.0, 0.0)
-    without = record(config, robot, truth, 3, config.rest_position, GRAVITY_PLAN)
     loaded = truth.carrying(mass, centre, 0.03)
-    runs = record(config, robot, loaded, 3, config.rest_position, GRAVITY_PLAN)
-    alone = MotorBench(config, robot, config.rest_position).evaluate(3, without)
+    runs, _ = measure(config, robot, loaded, 3, config.rest_position, GRAVITY_PLAN)
+    alone = MotorBench(config, robot, config.rest_position).evaluate(3, mounted[0])
     earlier = Earlier({'joint4': alone.friction.gravity}, np.array(config.rest_position))
     bench = MotorBench(config, robot, config.rest_position, KnownMass(mass, centre), earlier)
     result = bench.evaluate(3, runs)
@@ -199,11 +209,9 @@ def test_torque_constant_from_a_known_mass(
     assert result.coulomb[0] == pytest.approx(truth.coulomb[3], rel=0.02)
 
 
-def test_a_mass_without_a_lever_is_no_error(
-    config: ArmConfig, robot: Robot, truth: PlantParameters
-) -> None:
+def test_a_mass_without_a_lever_is_no_error(config: ArmConfig, robot: Robot) -> None:
     """Joint 1 is vertical: nothing that hangs on the arm turns it."""
-    runs = record(config, robot, truth, 0, config.rest_position, QUICK_PLAN)
+    runs = steps(gravity=np.zeros(2), load=0.0)
     posture = np.array(config.rest_position)
     earlier = Earlier({'joint1': np.zeros(2)}, posture)
     bench = MotorBench(config, robot, posture, KnownMass(0.3, (0.1, 0.0, 0.0)), earlier)
@@ -221,3 +229,76 @@ def test_impossible_uses_of_a_known_mass(config: ArmConfig, robot: Robot) -> Non
         MotorBench(config, robot, posture, KnownMass(0.3), Earlier({}, posture + 0.1))
     with pytest.raises(IdentificationError, match='needs its lever'):
         MotorBench(config, None, posture, KnownMass(0.3))
+
+
+def test_inertia_under_gravity_and_friction() -> None:
+    friction = fit_motor_friction(steps(), mounted=True, name='j')
+    inertia, std = fit_inertia([acceleration()], friction, 'j')
+    assert inertia == pytest.approx(INERTIA, rel=0.02)
+    assert 0.0 < std < 0.05 * INERTIA
+
+
+def test_runs_that_tell_nothing_are_named() -> None:
+    friction = fit_motor_friction(steps(), mounted=True, name='j')
+    with pytest.raises(IdentificationError, match='elbow: the acceleration runs are shorter'):
+        fit_inertia([], friction, 'elbow')
+    run = acceleration()  # ddq = -pi^2 q
+    with pytest.raises(IdentificationError, match='elbow: the measured inertia'):
+        fit_inertia(
+            [replace(run, tau=run.tau + 2.0 * INERTIA * np.pi**2 * run.q)], friction, 'elbow'
+        )
+
+
+MASS = np.array([0.3, 1.5])  # what it adds to a and b [Nm]
+
+
+def friction_with(added: np.ndarray):
+    runs = steps(noise=0.05, gravity=GRAVITY + added)
+    return fit_motor_friction(runs, mounted=True, name='j')
+
+
+def test_true_over_stated_constant() -> None:
+    # A motor 4 % stronger than stated needs 4 % less current: the torque seems smaller.
+    ratio, std = fit_torque_constant(friction_with(MASS / 1.04), GRAVITY, MASS, 'j')
+    assert ratio == pytest.approx(1.04, abs=4.0 * std + 2e-3)
+    assert 0.0 < std < 0.01
+
+
+def test_bare_motor_needs_no_angle_of_the_lever() -> None:
+    friction = fit_motor_friction(steps(noise=0.05, gravity=MASS / 0.97), mounted=True, name='j')
+    ratio, _ = fit_torque_constant(friction, None, float(np.linalg.norm(MASS)), 'j')
+    assert ratio == pytest.approx(0.97, rel=5e-3)
+
+
+def test_unmeasurable_torque_constants_raise_an_error() -> None:
+    friction = friction_with(np.zeros(2))
+    with pytest.raises(IdentificationError, match='elbow: the known mass causes at most 0 Nm'):
+        fit_torque_constant(friction, GRAVITY, np.zeros(2), 'elbow')
+    with pytest.raises(IdentificationError, match='adds .* Nm instead of the expected 1.53 Nm'):
+        fit_torque_constant(friction, GRAVITY, MASS, 'elbow')
+
+
+DYNAMICS = Dynamics(load_robot())
+UPRIGHT, LEANING, LEVEL = [0.0, 1.5708, 0.0, 0.0], [0.0, 1.0, 0.0, -0.5708], [0.0, 0.3, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ('joint', 'posture', 'loose'),
+    [
+        # Joints 1 and 3 turn about one axis, and nothing presses joint 2 or 4.
+        (0, UPRIGHT, [2]),
+        (2, UPRIGHT, [0]),
+        (3, UPRIGHT, [1]),
+        # The whole arm is heavy: what rattles at its end does not move it.
+        (1, UPRIGHT, []),
+        (0, LEVEL, []),
+        # Gravity presses joint 2, while link 4 stands on its head.
+        (3, LEANING, []),
+    ],
+)
+def test_a_joint_that_is_moved_and_not_pressed_moves_within_its_backlash(
+    joint: int, posture: list, loose: list
+) -> None:
+    shift = backlash_shifts(DYNAMICS, np.array(posture), joint, 0.25, 20.0)
+    assert np.flatnonzero(shift > 3e-3).tolist() == loose
+    assert shift.max() < 0.06

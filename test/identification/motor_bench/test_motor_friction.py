@@ -1,4 +1,4 @@
-"""Least squares (4.14) finds what made the torque, and says what it cannot find."""
+"""Least squares (4.14) finds friction, and voltages the resistance."""
 
 from dataclasses import replace
 
@@ -7,7 +7,15 @@ import pytest
 from motor_data import COULOMB, GRAVITY, INERTIA, LOAD, VISCOUS, step, steps
 
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.motor_bench.motor_friction import fit_motor_friction
+from aerarm_ros.identification.motor_bench.motor_friction import (
+    BOARD,
+    VOLTAGE,
+    MotorResistance,
+    MotorRun,
+    MotorSupply,
+    find_resistance,
+    fit_motor_friction,
+)
 
 BARE = {'gravity': np.zeros(2), 'load': 0.0}
 
@@ -59,3 +67,58 @@ def test_faulty_runs_are_named() -> None:
     backwards = [replace(run, tau=-run.tau) for run in steps(**BARE)]
     with pytest.raises(IdentificationError, match='sign of the motor'):
         fit_motor_friction(backwards, mounted=False, name='elbow')
+
+
+OHM, BACK_EMF = 0.15, 0.0145  # [ohm], [V s/rad]
+NOISE = 0.02  # [A] of the measured current
+COUNT = 2.0**-10  # [V]
+NOTHING = np.empty(0)
+
+
+def supply(scale: float = 1.0) -> MotorSupply:
+    """Forth and back at two speeds, against dry friction; both readings as in frames."""
+    time = np.arange(0.0, 8.0, 1e-3)
+    speed = 30.0 * np.sign(np.sin(np.pi * time)) * np.where(time < 4.0, 1.0, 2.0)
+    current = scale * (0.3 * np.sign(speed) + 1e-3 * speed + 0.2 * np.sin(0.7 * time))
+    voltage = COUNT * np.round((OHM * current + BACK_EMF * speed) / COUNT)
+    measured = current + NOISE * np.random.default_rng(0).standard_normal(len(time))
+    return MotorSupply(time, measured, speed, 1.5 * voltage * measured)
+
+
+def test_power_current_and_speed_tell_it() -> None:
+    found = find_resistance(supply(), 0.1)
+    assert found is not None
+    assert found.source == VOLTAGE
+    assert abs(found.ohm - OHM) < 4.0 * found.std
+    assert found.std < 0.02 * OHM
+
+
+def test_without_voltages_the_resistance_is_that_of_the_board() -> None:
+    stated = MotorSupply(NOTHING, NOTHING, NOTHING, NOTHING, reported=0.5)
+    assert find_resistance(stated, 0.25) == MotorResistance(0.5, 0.125, BOARD)
+    assert find_resistance(replace(stated, reported=np.nan), 0.25) is None
+    assert find_resistance(stated, 0.4) is None  # nobody trusts it
+
+
+def test_currents_that_tell_nothing_are_no_measurement() -> None:
+    """Among currents no larger than their noise a fit is biased: there is none."""
+    assert find_resistance(supply(0.05), 0.1) is None
+    moved = supply()
+    one_speed = replace(moved, speed=moved.current)  # no telling the two apart
+    assert find_resistance(one_speed, 0.1) is None
+    random = np.random.default_rng(1)
+    noise = replace(moved, power=random.standard_normal(len(moved.time)), reported=0.5)
+    assert find_resistance(noise, 0.25) == MotorResistance(0.5, 0.125, BOARD)
+
+
+def test_blocks_of_a_straight_line() -> None:
+    time = 5.0 + np.arange(0.0, 1.04, 1e-3)
+    dq = 0.5 - 0.2 * (time - 5.0)
+    sine, cosine, mean_dq, ddq, tau = MotorRun(0.5, time, np.zeros_like(time), dq, 3.0 * dq).blocks(
+        0.1
+    )
+    assert len(mean_dq) == 10  # the rest of 0.04 s belongs to the last one
+    np.testing.assert_allclose(ddq, -0.2, atol=1e-9)
+    np.testing.assert_allclose(tau, 3.0 * mean_dq)
+    np.testing.assert_allclose(cosine, 1.0)
+    np.testing.assert_allclose(sine, 0.0)

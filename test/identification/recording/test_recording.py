@@ -1,4 +1,4 @@
-"""Joint states become a recording, or an error that says what to check."""
+"""Joint states become a recording of the motion, or an error that says what to check."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
+from aerarm_ros.identification.recording.recording import (
+    BagFacts,
+    JointMapping,
+    commanded_span,
+    moving_span,
+    recording_from_states,
+    running_span,
+)
 
 JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
 AS_IS = JointMapping({})
@@ -139,14 +146,6 @@ def test_standstill_at_both_ends_and_its_defects_are_ignored(states) -> None:
     assert 'NaN' not in ' '.join(recording.warnings)
 
 
-def test_only_the_commanded_part_is_used(states) -> None:
-    recording = recording_from_states('bag', states, JOINTS, AS_IS, (slice(500, 1500), 'commands'))
-    assert len(recording.time) == 1000
-    assert recording.time[0] == pytest.approx(5.0)
-    assert recording.span is not None
-    assert recording.span.text == '5.0 .. 15.0 s of 26.0 s (commands)'
-
-
 def test_a_locked_joint_rests(states) -> None:
     mapping = JointMapping({}, locked=('joint4',))
     text = r'joint4 is locked \(--lock\) but moves by [\d.]+ rad in bag: remove --lock joint4'
@@ -164,17 +163,78 @@ def test_a_gap_is_placed_in_the_whole_bag(states) -> None:
         recording_from_states('bag', replace(states, stamp=stamp), JOINTS, AS_IS)
 
 
-def test_too_few_messages(states) -> None:
-    few = replace(
-        states, **{f: getattr(states, f)[:9] for f in ('stamp', 'position', 'velocity', 'effort')}
+@pytest.mark.parametrize(
+    ('facts', 'states', 'said'),
+    [
+        (BagFacts('', 0, 1207), 25_032, 'bag: 4.6 % of the cycles were missed, '),
+        (BagFacts('', 100, 11), 889, 'bag: 1.1 % of the cycles were missed, '),
+        (BagFacts('', None, 11), 989, 'bag: 1.1 % of the cycles were missed, '),
+    ],
+)
+def test_many_missed_cycles_are_warned_of(facts: BagFacts, states: int, said: str) -> None:
+    (warning,) = facts.warnings('bag', states)
+    assert warning.startswith(said)
+    assert 'config/parameters_spi.yaml' in warning
+
+
+@pytest.mark.parametrize(
+    ('facts', 'states'), [(BagFacts('', 0, 10), 990), (BagFacts('', 100), 900), (BagFacts(''), 0)]
+)
+def test_a_cycle_in_a_hundred_does_no_harm(facts: BagFacts, states: int) -> None:
+    assert not facts.warnings('bag', states)
+
+
+TIME = 100.0 + 0.01 * np.arange(2000)
+
+
+def positions(*motions: tuple[int, int, float]) -> np.ndarray:
+    """Two joints that move between rows, by a size, and rest (with noise) otherwise."""
+    q = np.full((2000, 2), 0.3)
+    for first, last, size in motions:
+        phase = np.linspace(0.0, 2.0 * np.pi, last - first)
+        q[first:last, 1] += size * np.sin(phase) ** 2
+        q[last:, 1] += 1e-6
+    return q + 2e-5 * np.random.default_rng(0).standard_normal(q.shape)
+
+
+def test_the_liveliest_run_is_used() -> None:
+    q = positions((300, 500, 0.1), (900, 1500, 1.0), (1600, 1900, 2.0))
+    modes = [
+        *((TIME[200], 'running'), (TIME[600], 'ready'), (TIME[800], 'running')),
+        (TIME[1550], 'damping'),
+    ]
+    # The mode in force when recording began is the first one announced.
+    assert running_span(TIME, q, modes) == (
+        slice(800, 1550),
+        'arm_mode running, the longest of 2 motions',
     )
-    with pytest.raises(IdentificationError, match='only 9 joint states, too few'):
-        recording_from_states('bag', few, JOINTS, AS_IS)
+    assert running_span(TIME, q, modes[2:]) == (slice(0, 1550), 'arm_mode running')
+    assert running_span(TIME, q, modes[:1]) == (slice(0, 2000), 'arm_mode running')
 
 
-def test_parts_cover_the_recording_once(states) -> None:
-    recording = recording_from_states('bag', states, JOINTS, AS_IS)
-    first, last = recording.part(0.0, 0.6, ' a'), recording.part(0.6, 1.0, ' b')
-    assert len(first.time) + len(last.time) == len(recording.time)
-    assert first.time[-1] < last.time[0]
-    assert first.name == 'bag a'
+def test_commands_tell_when_the_arm_followed() -> None:
+    q = positions((300, 500, 0.1), (900, 1500, 1.0))
+    commands = np.concatenate([TIME[250:550], TIME[850:1600]])
+    span = commanded_span(TIME, q, commands)
+    assert span == (slice(850, 1600), 'joint_command, the longest of 2 motions')
+    assert commanded_span(TIME, q, commands[:1]) is None
+    assert commanded_span(TIME, q, TIME[-1] + 1.0 + 0.01 * np.arange(50)) is None
+
+
+def test_rest_before_and_after_a_motion_is_left_out() -> None:
+    part, reason = moving_span(TIME, positions((600, 1400, 1.0)))
+    assert reason == 'motion'
+    # Half a second of it stays as the filters' past.
+    assert part.start == pytest.approx(600 - 50, abs=15)
+    assert part.stop == pytest.approx(1400 + 50, abs=15)
+    assert moving_span(TIME, positions((0, 2000, 1.0))) == (slice(0, 2000), 'whole bag')
+    assert moving_span(TIME, np.zeros((2000, 2))) == (slice(0, 2000), 'whole bag')
+
+
+def test_missing_positions_are_no_motion() -> None:
+    q = positions((600, 1400, 1.0))
+    q[:100] = np.nan
+    q[50:80, 0] = np.inf
+    part, _ = moving_span(TIME, q)
+    assert part.start == pytest.approx(550, abs=15)
+    assert moving_span(TIME, np.full((2000, 2), np.nan)) == (slice(0, 2000), 'whole bag')

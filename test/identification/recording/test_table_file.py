@@ -1,6 +1,5 @@
 """Tables are read as bags are, and what they lack is said."""
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -124,13 +123,6 @@ def test_currents_are_efforts_where_there_are_no_others(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_table(tmp_path / 'a.npz', JOINTS).effort, TAU)
 
 
-def test_arrays_in_degrees(tmp_path: Path) -> None:
-    np.savez(tmp_path / 'a.npz', time=T, q=np.degrees(Q), tau=TAU)
-    states = read_table(tmp_path / 'a.npz', JOINTS, TableOptions(degrees=True))
-    np.testing.assert_allclose(states.position, Q)
-    np.testing.assert_array_equal(states.effort, TAU)
-
-
 def test_arrays_that_state_the_unit_of_their_angles(tmp_path: Path) -> None:
     arrays = {'time': T, 'q': np.degrees(Q), 'dq': np.degrees(DQ), 'tau': TAU}
     np.savez(tmp_path / 'a.npz', **arrays, unit='deg')
@@ -210,11 +202,3 @@ def test_unreadable_tables_raise_errors(tmp_path: Path) -> None:
         read_table(tmp_path / 'd.npz', JOINTS)
     with pytest.raises(IdentificationError, match='--rate 0 must be'):
         TableOptions(rate=0.0)
-
-
-def test_a_table_without_rows_has_no_states_and_prints_nothing(tmp_path: Path) -> None:
-    path = tmp_path / 'a.csv'
-    path.write_text('time,q1,q2,tau1,tau2\n\n')
-    with warnings.catch_warnings():
-        warnings.simplefilter('error')
-        assert len(read_table(path, JOINTS).stamp) == 0

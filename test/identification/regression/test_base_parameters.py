@@ -1,10 +1,18 @@
-"""Identifiable combinations: ranks of this arm, and torque that stays the same."""
+"""Identifiable combinations of parameters, and the noise of the torque."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.regression.base_parameters import find_base_parameters
+from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identify import excitation_warnings
+from aerarm_ros.identification.regression.base_parameters import (
+    BaseParameters,
+    find_base_parameters,
+    noise_from_residuals,
+)
 from aerarm_ros.model.regressor import Regressor
 
 
@@ -38,13 +46,6 @@ def test_only_distal_rotors_are_separable_from_links(robot: Robot) -> None:
     assert '+ 0.4225 m_link4' in first  # the square of 0.65 m
 
 
-def test_condition_number_is_5_2(robot: Robot) -> None:
-    factor, columns = factor_of(robot, False)
-    eigenvalues = np.sort(np.linalg.eigvalsh(factor.T @ factor))[::-1]
-    expected = np.sqrt(eigenvalues[0] / eigenvalues[29])
-    assert find_base_parameters(factor, columns).condition_number == pytest.approx(expected)
-
-
 def test_parameters_with_equal_base_parameters_give_equal_torque(robot: Robot) -> None:
     factor, columns = factor_of(robot, True)
     base = find_base_parameters(factor, columns)
@@ -74,3 +75,69 @@ def test_rounded_angles_add_no_base_parameters(robot: Robot, angle: float) -> No
     base = find_base_parameters(*factor_of(robot.with_gravity(gravity), False))
     assert base.rank == 30
     assert base.condition_number < 100.0
+
+
+def autoregressive(rho: float, count: int, seed: int) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    shocks = np.sqrt(1.0 - rho**2) * random.standard_normal(count)
+    values = np.empty(count)
+    values[0] = random.standard_normal()
+    for k in range(1, count):
+        values[k] = rho * values[k - 1] + shocks[k]
+    return values
+
+
+@pytest.mark.parametrize('rho', [0.0, 0.5, 0.9])
+def test_correlation_time_of_an_autoregressive_process(rho: float) -> None:
+    """Its integrated autocorrelation time is (1 + rho) / (1 - rho)."""
+    residuals = [0.3 * autoregressive(rho, 20_000, seed)[:, None] for seed in range(2)]
+    usable = [np.ones((20_000, 1), dtype=bool)] * 2
+    noise = noise_from_residuals(residuals, usable, np.ones(1))
+    assert noise.std[0] == pytest.approx(0.3, rel=0.05)
+    assert noise.correlation[0] == pytest.approx((1 + rho) / (1 - rho), rel=0.25)
+    assert noise.information_weights[0] == pytest.approx(
+        1.0 / (noise.std[0] * np.sqrt(noise.correlation[0]))
+    )
+
+
+def test_unusable_rows_do_not_count() -> None:
+    residual = np.random.default_rng(0).standard_normal((1000, 2))
+    usable = np.ones((1000, 2), dtype=bool)
+    residual[:500, 1], usable[:500, 1] = 1e3, False
+    noise = noise_from_residuals([residual], [usable], np.ones(2))
+    assert noise.std == pytest.approx([1.0, 1.0], rel=0.1)
+
+
+def test_weights_stay_finite_without_noise_or_samples() -> None:
+    usable = np.array([[True, False]] * 50)
+    noise = noise_from_residuals([np.zeros((50, 2))], [usable], np.array([2.0, 0.0]))
+    assert np.all(np.isfinite(noise.weights))
+    assert np.all(noise.correlation == 1.0)
+
+
+def base_of(robot: Robot, moving: list[int]) -> BaseParameters:
+    """Base parameters of a motion in which only some joints move."""
+    states = np.zeros((3, 200, robot.n))
+    states[:, :, moving] = np.random.default_rng(0).uniform(-2, 2, (3, 200, len(moving)))
+    regressor = Regressor(robot)
+    return find_base_parameters(np.linalg.qr(regressor.stack(*states))[1], regressor.columns)
+
+
+def test_a_rich_motion_needs_no_comment(robot: Robot) -> None:
+    assert excitation_warnings(base_of(robot, [0, 1, 2, 3]), Regressor(robot)) == []
+
+
+def test_joints_at_rest_cost_parameters(robot: Robot) -> None:
+    (text,) = excitation_warnings(base_of(robot, [0, 1, 3]), Regressor(robot))
+    assert 'of 30 parameter combinations' in text
+
+
+def test_condition_decides(robot: Robot) -> None:
+    base = base_of(robot, [0, 1, 2, 3])
+    (text,) = excitation_warnings(replace(base, condition_number=500.0), Regressor(robot))
+    assert 'excites the parameters poorly' in text
+    with pytest.raises(IdentificationError, match='too short or too small to excite'):
+        excitation_warnings(replace(base, condition_number=5000.0), Regressor(robot))
+    nothing = find_base_parameters(np.zeros((48, 48)), base.columns)
+    with pytest.raises(IdentificationError, match='excites no parameter'):
+        excitation_warnings(nothing, Regressor(robot))

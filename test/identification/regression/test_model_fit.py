@@ -1,19 +1,69 @@
-"""A fit knows the noise it leaves."""
+"""Banks and fits equal regressions of all samples and Bayes' rule."""
 
 import numpy as np
+import pytest
 
+from aerarm_ros.identification.conditioning.uniform_motion import FOLDS
 from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
+from aerarm_ros.identification.regression.base_parameters import Prior
+from aerarm_ros.identification.regression.model_fit import (
+    RegressionBank,
+    posterior_covariance,
+    solve_regularised,
+)
+from aerarm_ros.identification.regression.regression import SampleColumns, TriangularSystem
+
+SMOOTH = JointTerm(TermKind.COULOMB, 0.05)
+OFFSET = JointTerm(TermKind.OFFSET)
 
 
-def test_noise_is_that_of_the_simulated_torque_sensor(result: IdentificationResult) -> None:
-    """White noise of 0.05 Nm at 500 Hz, after a low-pass that leaves about 5 of 250 Hz."""
-    expected = 0.05 * np.sqrt(5.0 / 250.0)
-    assert np.all(result.fit.noise.std < 2.0 * expected)
-    assert np.all(result.fit.noise.std > 0.5 * expected)
+def directly(bag: SampleColumns, model: JointModel, joint: int, rows: np.ndarray) -> np.ndarray:
+    """Columns and torque of one joint's equation, from the samples."""
+    parts = [bag.rigid[rows, joint]]
+    for owner, term in model.joint_columns:
+        column = bag.term(term)[rows, joint]
+        parts.append((column if owner == joint else np.zeros_like(column))[:, None])
+    return np.hstack([*parts, bag.samples.tau[rows, joint, None]])
 
 
-def test_the_fit_is_close_to_weighted_least_squares(result: IdentificationResult) -> None:
-    fit = result.fit
-    wls = result.solutions['wls'].estimate.theta
-    assert fit.regression.error(fit.theta) < 1.05 * fit.regression.error(wls) + 0.01
-    assert np.array_equal(fit.inertial, fit.theta[:40])
+@pytest.mark.parametrize('folds', [range(FOLDS), [0, 3]])
+def test_any_model_on_any_part(result: IdentificationResult, folds) -> None:
+    bags = [*result.identification, *result.validation]
+    robot = result.robot
+    terms = ((*THESIS_TERMS, ROTOR), (SMOOTH,), (SMOOTH, OFFSET), THESIS_TERMS)
+    model = JointModel(robot.joint_names, robot.link_names, terms)
+    bank = RegressionBank(bags, (*THESIS_TERMS, ROTOR, OFFSET, SMOOTH))
+    regression = bank.regression(model, folds)
+    for joint in range(robot.n):
+        rows = [b.samples.usable[:, joint] & np.isin(b.samples.fold, list(folds)) for b in bags]
+        expected = np.vstack(
+            [directly(b, model, joint, r) for b, r in zip(bags, rows, strict=True)]
+        )
+        factor = regression.factors[joint]
+        assert np.allclose(factor.T @ factor, expected.T @ expected, atol=1e-8)
+        assert regression.rows[joint] == len(expected)
+
+
+PRIOR = Prior(np.array([1.0, -2.0, 0.5]), np.array([0.1, 2.0, 30.0]))
+
+
+def test_solution_and_covariance_are_those_of_bayes_rule() -> None:
+    random = np.random.default_rng(0)
+    system = TriangularSystem(np.triu(random.standard_normal((3, 3))), random.standard_normal(3))
+    information = system.R.T @ system.R + np.diag(1.0 / PRIOR.std**2)
+    assert np.allclose(posterior_covariance(system, PRIOR), np.linalg.inv(information))
+    right = system.R.T @ system.z + PRIOR.mean / PRIOR.std**2
+    assert np.allclose(solve_regularised(system, PRIOR), np.linalg.solve(information, right))
+
+
+def test_without_data_the_prior_is_left() -> None:
+    nothing = TriangularSystem(np.zeros((3, 3)), np.zeros(3))
+    assert np.allclose(solve_regularised(nothing, PRIOR), PRIOR.mean)
+    assert np.allclose(posterior_covariance(nothing, PRIOR), np.diag(PRIOR.std**2))

@@ -30,15 +30,6 @@ def test_curves_go_to_their_joints_axes() -> None:
     assert layout['yaxis2']['title']['text'] == 'joint2 [Nm]'
 
 
-def test_the_measured_curve_stays_visible_under_the_predicted_curve() -> None:
-    figure = StackedFigure(('joint1',), 'Nm')
-    for role in ('measured', 'predicted'):
-        figure.add(0, np.zeros(2), np.zeros(2), role, role)
-    _, (measured, predicted), _, _ = arguments(figure.html('x'))
-    assert measured['line']['width'] > 2.0 * predicted['line']['width']
-    assert measured['line']['color'] != predicted['line']['color']
-
-
 def test_long_curves_are_thinned_out() -> None:
     figure = StackedFigure(('a',), 'Nm')
     figure.add(0, np.arange(1e6), np.arange(1e6), 'b', 'predicted')

@@ -1,26 +1,29 @@
-"""The semidefinite program finds physical arms, and the best one of them."""
+"""The semidefinite programs find physical arms and the best of them, within bounds if possible."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.arm_parameters import LinkBounds, inertia_boxes
 from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.regression.base_parameters import Prior
 from aerarm_ros.identification.regression.regression import TriangularSystem
-from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
+from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
+from aerarm_ros.identification.solvers.semidefinite_solver import (
+    solve_entropic,
+    solve_relaxed,
+    solve_semidefinite,
+)
+from aerarm_ros.identification.solvers.solvers import physical_limits, solve_all
 from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
 
 
 def objective(system: TriangularSystem, prior: Prior, theta: np.ndarray) -> float:
     data = np.sum((system.R @ theta - system.z) ** 2)
     return float(data + np.sum(((theta - prior.mean) / prior.std) ** 2))
-
-
-def test_a_physical_arm_is_recovered(true, system_of, factor, prior, limits) -> None:
-    found = solve_semidefinite(system_of(true, 1e4), prior, limits)
-    assert np.linalg.norm(factor @ (found - true)) < 1e-3 * np.linalg.norm(factor @ true)
 
 
 def test_a_gear_loses_no_more_than_it_carries(true, system_of, prior, limits) -> None:
@@ -54,13 +57,6 @@ def test_an_impossible_arm_is_approached_from_the_possible_side(
         assert objective(system, prior, nearby) > best * (1.0 - 1e-7)
 
 
-def test_without_data_cad_is_left(prior, limits) -> None:
-    count = len(prior.mean)
-    nothing = TriangularSystem(np.zeros((count, count)), np.zeros(count))
-    found = solve_semidefinite(nothing, prior, limits)
-    assert np.allclose(found, prior.mean, atol=1e-6 * prior.std.max())
-
-
 def test_signs_are_free_where_they_may_be(system_of, prior, limits) -> None:
     free = replace(limits, nonnegative=np.zeros(12, dtype=bool))
     wanted = prior.mean.copy()
@@ -70,18 +66,150 @@ def test_signs_are_free_where_they_may_be(system_of, prior, limits) -> None:
     assert solve_semidefinite(system, prior, limits)[45] >= 0.0
 
 
-def test_same_input_same_bits(system_of, prior, limits) -> None:
-    system = system_of(1.3 * prior.mean)
-    first, second = (solve_semidefinite(system, prior, limits) for _ in range(2))
-    assert np.array_equal(first, second)
-
-
 def test_numbers_without_meaning_are_refused(factor, prior, limits) -> None:
     broken = replace(prior, std=np.full(len(prior.std), np.nan))
     with pytest.raises(IdentificationError, match='check'):
         solve_semidefinite(TriangularSystem(factor, factor[0]), broken, limits)
 
 
-def test_the_cone_holds_the_pseudo_inertia(cad: ArmParameters) -> None:
-    """The margin is far below the smallest eigenvalue that a real link has."""
-    assert np.linalg.eigvalsh(pseudo_inertia(cad.inertial)).min() > 1e-5
+SPREAD = 0.3
+
+
+def links(theta: np.ndarray) -> np.ndarray:
+    return pseudo_inertia(theta[:40].reshape(4, 10))
+
+
+def divergence(theta: np.ndarray, prior: Prior) -> float:
+    """Return the sum of tr(P P0^-1) - log det(P P0^-1) - 4 over the links."""
+    ratio = links(theta) @ np.linalg.inv(links(prior.mean))
+    sign, logarithm = np.linalg.slogdet(ratio)
+    assert np.all(sign > 0.0)
+    return float(np.sum(np.trace(ratio, axis1=1, axis2=2) - logarithm - 4.0))
+
+
+def entropic_objective(system: TriangularSystem, prior: Prior, theta: np.ndarray) -> float:
+    data = 0.5 * np.sum((system.R @ theta - system.z) ** 2)
+    joints = 0.5 * np.sum(((theta - prior.mean) / prior.std)[40:] ** 2)
+    return float(data + joints + divergence(theta, prior) / SPREAD**2)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_of_all_physical_arms_it_is_the_best(
+    system_of, impossible, possible, prior, limits, seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    system = system_of(impossible(random), 1e2)
+    found = solve_entropic(system, prior, limits)
+    best = entropic_objective(system, prior, found)
+    for _ in range(50):
+        nearby = found + 1e-3 * (possible(random) - found)
+        assert entropic_objective(system, prior, nearby) > best * (1.0 - 1e-7)
+
+
+def test_at_the_solution_the_objective_is_flat(true, system_of, prior, limits) -> None:
+    # A likely arm, so that no bound holds it: data and prior balance each other.
+    system = system_of(true, 10.0)
+    found = solve_entropic(system, prior, limits)
+    slopes, curvatures = [], []
+    for index in range(40):
+        step = np.zeros(len(found))
+        step[index] = 1e-3 * prior.std[index]
+        low, middle, high = (
+            entropic_objective(system, prior, found + k * step) for k in (-1.0, 0.0, 1.0)
+        )
+        slopes.append((high - low) / 2.0)
+        curvatures.append(high - 2.0 * middle + low)
+    # How far each parameter is from its best value, in steps.
+    assert np.all(np.abs(slopes) < 0.2 * np.array(curvatures))
+
+
+def test_links_are_solid_where_the_normal_prior_leaves_them_flat(
+    system_of, impossible, prior, limits
+) -> None:
+    system = system_of(impossible(np.random.default_rng(0)), 1e2)
+    solid, flat = (
+        np.linalg.eigvalsh(links(solve(system, prior, limits))).min()
+        for solve in (solve_entropic, solve_semidefinite)
+    )
+    assert solid > 100.0 * flat > 0.0
+
+
+def test_the_unit_of_length_does_not_matter(system_of, factor, prior, limits) -> None:
+    system = system_of(1.3 * prior.mean)
+    other = replace(limits, size=3.0 * limits.size)
+    first, second = (solve_entropic(system, prior, each) for each in (limits, other))
+    assert np.linalg.norm(factor @ (first - second)) < 1e-4 * np.linalg.norm(factor @ first)
+
+
+def test_a_link_without_volume_in_the_urdf_is_rejected(system_of, prior, limits) -> None:
+    mean = prior.mean.copy()
+    mean[21:30] = 0.0  # link 3 is a point
+    with pytest.raises(IdentificationError, match='link 3 in the URDF'):
+        solve_entropic(system_of(mean), replace(prior, mean=mean), limits)
+
+
+@pytest.mark.parametrize('solve', [solve_semidefinite, solve_entropic])
+def test_a_physical_arm_is_recovered_and_without_data_cad_is_left(
+    true, system_of, factor, prior, limits, solve: Callable
+) -> None:
+    found = solve(system_of(true, 1e4), prior, limits)
+    assert np.linalg.norm(factor @ (found - true)) < 1e-3 * np.linalg.norm(factor @ true)
+    count = len(prior.mean)
+    nothing = TriangularSystem(np.zeros((count, count)), np.zeros(count))
+    left, again = (solve(nothing, prior, limits) for _ in range(2))
+    assert divergence(left, prior) < 1e-6
+    if solve is solve_semidefinite:
+        assert np.allclose(left, prior.mean, atol=1e-6 * prior.std.max())
+    assert np.allclose(left[40:], prior.mean[40:], atol=1e-6)
+    assert np.array_equal(left, again)
+
+
+def bounded(result: IdentificationResult, bounds: LinkBounds) -> Estimate:
+    return solve_all(result.fit, result.cad, names=(), bounds=bounds)['sdp']
+
+
+def test_bounds_are_met(result: IdentificationResult) -> None:
+    total = 1.2 * result.cad.inertial[:, 0].sum()
+    estimate = bounded(result, LinkBounds((total, 1.01 * total), centres=True))
+    assert estimate.notes == ()
+    assert estimate.physically_consistent
+    assert total * (1 - 1e-6) <= estimate.inertial[:, 0].sum() <= 1.01 * total * (1 + 1e-6)
+    centre, reach = inertia_boxes(result.cad.inertial)
+    centres = estimate.inertial[:, 1:4] / estimate.inertial[:, :1]
+    assert np.all(np.abs(centres - centre) <= reach + 1e-6)
+
+
+def test_an_impossible_total_mass_is_dropped_and_the_centres_are_kept(
+    result: IdentificationResult,
+) -> None:
+    estimate = bounded(result, LinkBounds((300.0, 310.0), centres=True))
+    (note,) = estimate.notes
+    assert 'no solution was found' in note
+    assert 'with masses within a factor 2' in note
+    assert 'total mass 300 .. 310 kg' in note
+    alone = bounded(result, LinkBounds(centres=True))
+    assert alone.notes == ()
+    assert np.array_equal(estimate.theta, alone.theta)
+
+
+def far_off(limits: PhysicalLimits) -> PhysicalLimits:
+    """Centres of mass where no link has its matter, unless it is moved far against the data."""
+    return replace(limits, centre=limits.centre + 1e9, reach=0.0 * limits.reach)
+
+
+def test_impossible_centres_are_dropped_first(result: IdentificationResult) -> None:
+    total = float(result.cad.inertial[:, 0].sum())
+    bounds = LinkBounds((total, 1.01 * total), centres=True)
+    limits = far_off(physical_limits(result.fit, result.cad, bounds))
+    system = result.fit.regression.system(result.fit.noise.weights)
+    theta, notes = solve_relaxed(system, result.fit.prior, limits)
+    assert len(notes) == 1
+    assert 'bounds of the centres of mass' in notes[0]
+    masses = theta[: 10 * result.fit.model.n : 10]
+    assert total * (1 - 1e-6) <= masses.sum() <= 1.01 * total * (1 + 1e-6)
+
+
+@pytest.mark.parametrize('masses', [(2.0, 1.0), (-1.0, 1.0), (0.0, float('nan'))])
+def test_wrong_masses_are_refused(masses: tuple[float, float]) -> None:
+    with pytest.raises(IdentificationError, match='total mass'):
+        LinkBounds(masses)

@@ -1,4 +1,4 @@
-"""Both sides of the torque balance pass the same filter."""
+"""Triangular factors and columns of samples, of which both sides pass the same filter."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,8 +17,51 @@ from aerarm_ros.identification.joint_model import (
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.regression.regression import (
+    ReducedRegression,
+    SampleColumns,
+    triangular_factor,
+)
 from aerarm_ros.model.regressor import Regressor
+
+JOINTS, ROWS, COLUMNS = 3, 200, 7
+NAMES = tuple('abcdefg')
+
+
+@pytest.fixture(scope='module')
+def data() -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(0)
+    phi = random.standard_normal((JOINTS, ROWS, COLUMNS))
+    phi[:, :, 6] = 2.0 * phi[:, :, 0]  # dependent
+    return phi, random.standard_normal((JOINTS, ROWS))
+
+
+@pytest.fixture(scope='module')
+def regression(data) -> ReducedRegression:
+    factors = [triangular_factor(np.column_stack(pair)) for pair in zip(*data, strict=True)]
+    return ReducedRegression(NAMES, factors, [ROWS] * JOINTS)
+
+
+@pytest.mark.parametrize('weights', [(1.0, 1.0, 1.0), (0.1, 2.0, 30.0)])
+def test_the_reduced_problem_has_the_solution_of_the_full_one(data, regression, weights) -> None:
+    phi, tau = data
+    full = np.vstack([w * p for w, p in zip(weights, phi, strict=True)])
+    right = np.concatenate([w * t for w, t in zip(weights, tau, strict=True)])
+    expected = np.linalg.lstsq(full, right, rcond=1e-10)[0]
+    system = regression.system(weights)
+    assert np.allclose(np.linalg.lstsq(system.R, system.z, rcond=1e-10)[0], expected)
+
+
+def test_norms_and_errors_are_those_of_all_rows(data, regression) -> None:
+    phi, tau = data
+    theta = np.linspace(-1.0, 1.0, COLUMNS)
+    residual = tau - phi @ theta
+    assert np.allclose(regression.residual_norms(theta), np.linalg.norm(residual, axis=1))
+    assert np.allclose(regression.torque_norms, np.linalg.norm(tau, axis=1))
+    assert np.allclose(regression.column_norms(), np.linalg.norm(phi, axis=1))
+    expected = 100.0 * np.linalg.norm(residual) / np.linalg.norm(tau)
+    assert regression.error(theta) == pytest.approx(expected)
+
 
 LOAD = JointTerm(TermKind.LOAD)
 
@@ -49,24 +92,6 @@ def test_true_parameters_predict_the_filtered_torque(
     error = np.linalg.norm(predicted.filtered - bag.samples.tau) / np.linalg.norm(bag.samples.tau)
     assert error < 5e-4
     assert np.median(np.abs(predicted.raw - bag.samples.tau_raw)) < 1e-3
-
-
-def test_filtering_one_side_only_would_be_wrong(make_arm: Callable, robot: Robot) -> None:
-    arm = make_arm()
-    bag = columns_of(arm, robot, cutoff=2.0)
-    model = JointModel.uniform(robot.joint_names, robot.link_names, (*THESIS_TERMS, ROTOR))
-    predicted = bag.predict(model, parameters(arm, model))
-    tau = bag.samples.tau
-    assert np.linalg.norm(predicted.raw - tau) > 20 * np.linalg.norm(predicted.filtered - tau)
-
-
-def test_load_needs_the_links(make_arm: Callable, robot: Robot) -> None:
-    bag = columns_of(make_arm(), robot)
-    with pytest.raises(ValueError, match='load-dependent friction needs'):
-        bag.term(LOAD)
-    inertial = robot.inertial_parameters.ravel()
-    assert np.allclose(bag.term(LOAD, 2.0 * inertial), 2.0 * bag.term(LOAD, inertial))
-    assert np.allclose(bag.links_torque(2.0 * inertial), 2.0 * bag.links_torque(inertial))
 
 
 @pytest.mark.parametrize('kind', [TermKind.COULOMB, TermKind.LOAD])

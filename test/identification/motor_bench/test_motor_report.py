@@ -1,4 +1,4 @@
-"""What the bench writes can be read: by people, by itself, and as a configuration."""
+"""People, the bench itself and the arm's configuration read the bench's files."""
 
 from pathlib import Path
 

@@ -1,0 +1,300 @@
+"""Simulators read the identified arm from URDF, MJCF and SDF."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.identification.files.identified_robot import (
+    LoadFriction,
+    equivalent_friction,
+    identified_mjcf,
+    identified_sdf,
+    identified_urdf,
+)
+from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent, pseudo_inertia
+
+FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
+
+
+def heavier(robot: Robot) -> np.ndarray:
+    """Inertial parameters of other bodies: 20 % denser, shifted by a centimetre."""
+    shift = np.eye(4)
+    shift[:3, 3] = 0.01
+    matter = 1.2 * shift @ pseudo_inertia(robot.inertial_parameters) @ shift.T
+    return from_pseudo_inertia(matter)
+
+
+def skeleton(text: str) -> list[tuple]:
+    """Everything in a URDF but inertial values, damping and friction."""
+    root = ET.fromstring(text)
+    for link in root.findall('link'):
+        for inertial in link.findall('inertial'):
+            link.remove(inertial)
+    for joint in root.findall('joint'):
+        for dynamics in joint.findall('dynamics'):
+            dynamics.attrib.pop('damping', None)
+            dynamics.attrib.pop('friction', None)
+            if not dynamics.attrib:
+                joint.remove(dynamics)
+    return [(element.tag, sorted(element.attrib.items())) for element in root.iter()]
+
+
+@pytest.mark.parametrize('name', ['aerarm', 'ur10_robot.urdf', 'panda.urdf'])
+def test_round_trip(name: str, example_urdf: Callable[[str], Path]) -> None:
+    path = None if name == 'aerarm' else example_urdf(name)
+    locked = FINGERS if name.startswith('panda') else ()
+    robot = load_robot(path, locked=locked)
+    inertial = heavier(robot)
+    fv, fs = np.linspace(0.1, 0.2, robot.n), np.linspace(0.3, 0.4, robot.n)
+    load = np.linspace(0.0, 0.05, robot.n)
+    beside = LoadFriction(load, 0.5 * fv, 0.5 * fs)
+    written = identified_urdf(robot, inertial, fv, fs, beside)
+    assert not written.warnings
+    again = load_robot(written.text, locked=locked)
+    assert np.array_equal(again.load_friction, load)
+    loaded = load > 0.0
+    assert np.array_equal(again.viscous, np.where(loaded, 0.5 * fv, fv))
+    assert np.array_equal(again.coulomb, np.where(loaded, 0.5 * fs, fs))
+    # Another identification that found none.
+    none = identified_urdf(again, inertial, fv, fs)
+    again = load_robot(none.text, locked=locked)
+    assert not again.load_friction.any()
+    scale = np.abs(inertial).max(axis=1, keepdims=True)
+    assert np.allclose(again.inertial_parameters / scale, inertial / scale, atol=1e-12)
+    assert np.array_equal(again.viscous, fv)
+    assert np.array_equal(again.coulomb, fs)
+    assert skeleton(none.text) == skeleton(robot.urdf_text)
+
+
+def test_fixed_links_give_their_inertia_to_the_moving_one(robot: Robot) -> None:
+    """A payload drawn on the tool becomes part of link 4's identified total."""
+    payload = (
+        '<link name="tool0"><inertial><origin xyz="0.02 0 0"/><mass value="0.2"/>'
+        '<inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial></link>'
+    )
+    loaded = load_robot(robot.urdf_text.replace('<link name="tool0"/>', payload))
+    assert loaded.inertial_parameters[3, 0] == pytest.approx(0.329)
+    written = identified_urdf(loaded, heavier(loaded), np.zeros(4), np.zeros(4))
+    again = load_robot(written.text)
+    assert np.allclose(again.inertial_parameters, heavier(loaded), atol=1e-14)
+    assert written.text.count('<inertial>') == 4
+
+
+def bodies(text: str) -> np.ndarray:
+    """Inertial parameters of every moving body, without anything locked."""
+    model = pin.buildModelFromXML(text)
+    return np.array([body.toDynamicParameters() for body in model.inertias[1:]])
+
+
+def test_too_light_a_total_behind_locked_joints_stays_physical(
+    example_urdf: Callable[[str], Path],
+) -> None:
+    """The fingers of the drawing are heavier than all that was found: they become lighter."""
+    robot = load_robot(example_urdf('panda.urdf'), locked=FINGERS)
+    inertial = robot.inertial_parameters * 0.01
+    written = identified_urdf(robot, inertial, np.zeros(7), np.zeros(7))
+    assert '(panda_leftfinger, panda_rightfinger) have' in written.warnings[0]
+    assert np.all(is_physically_consistent(bodies(written.text)))
+    again = load_robot(written.text, locked=FINGERS).inertial_parameters
+    assert np.allclose(again, inertial, atol=1e-12)
+
+
+def test_a_joint_locked_in_the_middle_of_the_chain(robot: Robot) -> None:
+    """Links behind it that do move are not what it carries."""
+    stiff = load_robot(robot.urdf_text, locked=('joint3',))
+    inertial = 1.2 * stiff.inertial_parameters
+    written = identified_urdf(stiff, inertial, np.zeros(3), np.zeros(3))
+    assert not written.warnings
+    assert np.all(is_physically_consistent(bodies(written.text)))
+    again = load_robot(written.text, locked=('joint3',)).inertial_parameters
+    assert np.allclose(again, inertial, atol=1e-12)
+
+
+def test_mujoco_loads_meshes_of_packages(example_urdf: Callable[[str], Path]) -> None:
+    """With the extension that docs/reference/files.md names; pinocchio doesn't mind it."""
+    path = example_urdf('ur10_robot.urdf')
+    robot = load_robot(path)
+    text = identified_urdf(robot, heavier(robot), np.zeros(6), np.zeros(6)).text
+    folder = path.parents[1] / 'meshes' / 'ur10' / 'collision'
+    extension = (
+        f'<mujoco><compiler discardvisual="true" strippath="true" meshdir="{folder}"/></mujoco>'
+    )
+    extended = text.replace('</robot>', f'{extension}</robot>')
+    model = mujoco.MjModel.from_xml_string(extended)
+    assert model.nv == 6
+    wanted, read = heavier(robot), load_robot(extended).inertial_parameters
+    assert np.allclose(read, wanted, atol=1e-9 * np.abs(wanted).max())
+
+
+def mujoco_torque(
+    model: mujoco.MjModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
+) -> np.ndarray:
+    """Return the torque of MuJoCo's links and rotors; friction and limits are passive there."""
+    data = mujoco.MjData(model)
+    data.qpos, data.qvel, data.qacc = q, dq, ddq
+    model.dof_frictionloss[:], model.dof_damping[:], model.jnt_limited[:] = 0.0, 0.0, 0
+    mujoco.mj_inverse(model, data)
+    return np.array(data.qfrc_inverse)
+
+
+@pytest.mark.parametrize('file', [None, 'ur10_robot.urdf', 'panda.urdf'])
+def test_mujoco_and_pinocchio_need_the_same_torque(
+    file: str | None, example_urdf: Callable[[str], Path]
+) -> None:
+    locked = ['panda_finger_joint1', 'panda_finger_joint2'] if file == 'panda.urdf' else []
+    robot = load_robot(None if file is None else example_urdf(file), locked=locked)
+    robot = robot.with_gravity([0.3, -0.2, -9.8])
+    random = np.random.default_rng(0)
+    inertial = robot.inertial_parameters * random.uniform(0.9, 1.1, (robot.n, 1))
+    viscous, coulomb, rotor = random.uniform(0.1, 0.5, (3, robot.n))
+    text = identified_mjcf(robot, inertial, viscous, coulomb, rotor)
+    model = mujoco.MjModel.from_xml_string(text)
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
+    assert tuple(names) == robot.joint_names
+    assert model.dof_damping == pytest.approx(viscous)
+    assert model.dof_frictionloss == pytest.approx(coulomb)
+    assert model.dof_armature == pytest.approx(rotor)
+    dynamics = Dynamics(robot.with_inertial_parameters(inertial), rotor)
+    for _ in range(20):
+        q, dq, ddq = random.uniform(-1.5, 1.5, (3, robot.n))
+        assert mujoco_torque(model, q, dq, ddq) == pytest.approx(
+            dynamics.inverse(q, dq, ddq), abs=1e-9
+        )
+
+
+def test_directions_and_limits_survive(robot: Robot) -> None:
+    nothing = np.zeros(robot.n)
+    text = identified_mjcf(robot, robot.inertial_parameters, nothing, nothing, nothing)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert model.opt.gravity == pytest.approx(robot.gravity_in_base)
+    for joint in range(robot.n):
+        limits = robot.position_min[joint], robot.position_max[joint]
+        if np.isfinite(limits).all():
+            assert model.jnt_range[joint] == pytest.approx(limits)
+        else:
+            assert not model.jnt_limited[joint]
+
+
+DRAKE_ROTOR = '{drake.mit.edu}rotor_inertia'
+
+
+def numbers(element: ET.Element, path: str) -> np.ndarray:
+    return np.array(element.findtext(path).split(), dtype=float)
+
+
+def pinocchio_model(text: str) -> pin.Model:
+    """Return the model that the text describes, read by the words of the SDF specification."""
+    root = ET.fromstring(text)
+    assert root.get('version') == '1.9'
+    model, joints = pin.Model(), {'world': 0}
+    links = {link.get('name'): link for link in root.iterfind('model/link')}
+    for joint in root.iterfind('model/joint'):
+        child, parent = joint.findtext('child'), joint.findtext('parent')
+        pose = links[child].find('pose')
+        assert pose.get('rotation_format') == 'quat_xyzw'
+        assert pose.get('relative_to', 'world') == parent
+        placed = pin.XYZQUATToSE3(np.array(pose.text.split(), dtype=float))
+        axis = numbers(joint, 'axis/xyz')
+        slides = joint.get('type') == 'prismatic'
+        kind = pin.JointModelPrismaticUnaligned if slides else pin.JointModelRevoluteUnaligned
+        joints[child] = model.addJoint(joints[parent], kind(axis), placed, joint.get('name'))
+        inertial = links[child].find('inertial')
+        pose = numbers(inertial, 'pose')
+        assert not pose[3:].any()
+        entries = [float(inertial.findtext(f'inertia/i{e}')) for e in ('xx', 'xy', 'yy')]
+        entries += [float(inertial.findtext(f'inertia/i{e}')) for e in ('xz', 'yz', 'zz')]
+        tensor = pin.Symmetric3(np.array(entries))
+        body = pin.Inertia(float(inertial.findtext('mass')), pose[:3], tensor.matrix())
+        model.appendBodyToJoint(joints[child], body, pin.SE3.Identity())
+    return model
+
+
+@pytest.mark.parametrize('file', [None, 'ur10_robot.urdf', 'panda.urdf'])
+def test_the_sdf_model_needs_the_same_torque(
+    file: str | None, example_urdf: Callable[[str], Path]
+) -> None:
+    locked = ['panda_finger_joint1', 'panda_finger_joint2'] if file == 'panda.urdf' else []
+    robot = load_robot(None if file is None else example_urdf(file), locked=locked)
+    random = np.random.default_rng(0)
+    inertial = robot.inertial_parameters * random.uniform(0.9, 1.1, (robot.n, 1))
+    viscous, coulomb, rotor = random.uniform(0.1, 0.5, (3, robot.n))
+    text = identified_sdf(robot, inertial, viscous, coulomb, rotor)
+    model = pinocchio_model(text)
+    model.gravity.linear = robot.gravity_in_base
+    joints = ET.fromstring(text).findall('model/joint')
+    assert [float(own.findtext('axis/dynamics/damping')) for own in joints] == viscous.tolist()
+    assert [float(own.findtext('axis/dynamics/friction')) for own in joints] == coulomb.tolist()
+    model.armature = np.array([float(own.findtext(DRAKE_ROTOR)) for own in joints])
+    wanted, data = Dynamics(robot.with_inertial_parameters(inertial), rotor), model.createData()
+    for _ in range(20):
+        q, dq, ddq = random.uniform(-1.5, 1.5, (3, robot.n))
+        torque = pin.rnea(model, data, q, dq, ddq)
+        assert torque == pytest.approx(wanted.inverse(q, dq, ddq), abs=1e-9)
+
+
+def estimate_with(result: IdentificationResult, **coefficients: float) -> Estimate:
+    robot = result.robot
+    terms = (*THESIS_TERMS, ROTOR, JointTerm(TermKind.LOAD), JointTerm(TermKind.OFFSET))
+    model = JointModel.uniform(robot.joint_names, robot.link_names, terms)
+    theta = result.cad.vector(model)
+    for index, (_, term) in enumerate(model.joint_columns, start=40):
+        theta[index] = coefficients.get(term.symbol, 0.0)
+    return Estimate('test', model, theta)
+
+
+def test_load_becomes_coulomb_friction(result: IdentificationResult) -> None:
+    """Of the carrying joint 2 most; rotors and offsets are no friction."""
+    plain = estimate_with(result, fv=0.1, fs=0.2, Ja=5.0, fo=3.0)
+    viscous, coulomb = equivalent_friction(plain, result.identification)
+    assert viscous == pytest.approx([0.1] * 4)
+    assert coulomb == pytest.approx([0.2] * 4)
+    loaded = estimate_with(result, fv=0.1, fs=0.2, fl=0.1)
+    _, more = equivalent_friction(loaded, result.identification)
+    bag = result.identification[0]
+    load = np.abs(bag.links_torque(loaded.inertial.ravel())).mean(axis=0)
+    assert np.argmax(more - coulomb) == np.argmax(load) == 1
+    assert more[1] - coulomb[1] == pytest.approx(0.1 * load[1], rel=0.5)
+
+
+def test_load_dependent_friction_is_not_counted_twice(result: IdentificationResult) -> None:
+    """For who knows the load's share; and rounded off or not, Coulomb friction stays what it is."""
+    loaded = estimate_with(result, fv=0.1, fs=0.2, fl=0.1)
+    viscous, coulomb = equivalent_friction(loaded, result.identification, beside_load=True)
+    assert viscous == pytest.approx([0.1] * 4)
+    assert coulomb == pytest.approx([0.2] * 4)
+    terms = [JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB, 0.05)]
+    robot = result.robot
+    model = JointModel.uniform(robot.joint_names, robot.link_names, tuple(terms))
+    own = [0.1 if term.kind is TermKind.VISCOUS else 0.2 for _, term in model.joint_columns]
+    theta = np.concatenate([robot.inertial_parameters.ravel(), own])
+    rounded = Estimate('test', model, theta)
+    viscous, coulomb = equivalent_friction(rounded, result.identification, beside_load=True)
+    assert viscous == pytest.approx([0.1] * 4)
+    assert coulomb == pytest.approx([0.2] * 4)
+
+
+def test_never_negative(result: IdentificationResult, make_arm: Callable) -> None:
+    creep = JointTerm(TermKind.CREEP, 0.3)
+    robot = result.robot
+    model = JointModel.uniform(robot.joint_names, robot.link_names, (creep,))
+    theta = np.concatenate([robot.inertial_parameters.ravel(), np.ones(4)])
+    estimate = replace(result.recommended.estimate, model=model, theta=theta)
+    for values in equivalent_friction(estimate, result.identification):
+        assert np.all(values >= 0.0)
