@@ -153,18 +153,19 @@ def test_an_enabled_arm_is_not_commissioned():
     assert drive(arm, 'joint9', 'me:2').phase == 'failed'
 
 
+def seen(guided: Commissioning, **changes) -> ProbeReport:
+    """Return the bridge's answer to the present request, while it watches."""
+    none = {'travel': (0.0,) * 4, 'span': (0.0,) * 4, 'pulses': (0,) * 4}
+    given = {**none, 'pulse_angle': (None,) * 4, 'boards': ('',) * 4, **changes}
+    fixed = {'reason': '', 'mode': 'idle', 'joints': CONFIG.joint_names}
+    return ProbeReport(guided.request.id, 'watching', **fixed, **given)
+
+
 def test_a_step_that_is_left_out_does_not_pass():
     guided = Commissioning(CONFIG, ROBOT, CommissioningRecord('aerarm'), [0], 'me')
-    quiet = {'reason': '', 'mode': 'idle', 'joints': CONFIG.joint_names, 'boards': ('',) * 4}
-    zero = {'travel': (0.0,) * 4, 'span': (0.0,) * 4, 'pulses': (0,) * 4}
-
-    def report():
-        return ProbeReport(guided.request.id, 'watching', **quiet, **zero, pulse_angle=(None,) * 4)
-
-    stale = ProbeReport('me:other', 'failed', **{**quiet, 'reason': 'old'}, **zero, pulse_angle=())
-    guided.update(NOW, stale)
+    guided.update(NOW, replace(seen(guided), id='me:other', phase='failed', reason='old'))
     assert guided.prompt is None
-    guided.update(NOW, report())
+    guided.update(NOW, seen(guided))
     assert 'Put joint1' in guided.prompt.text
     guided.answer(False)
     assert 'The motor of joint1 aligns' in guided.prompt.text
@@ -185,15 +186,7 @@ def test_a_joint_is_turned_where_it_has_room():
 
 @pytest.mark.parametrize(
     'text',
-    [
-        '',
-        '[]',
-        '[' * 1000,
-        '[' * 100_000,
-        '{"id": 1, "kind": "drive"}',
-        '{"id": "a:1", "kind": "jump"}',
-        '{"kind": "off"}',
-    ],
+    ['[]', '[' * 1000, '[' * 100_000, '{"id": 1, "kind": "drive"}', '{"id": "a:1", "kind": "x"}'],
 )
 def test_an_invalid_request_is_rejected(text):
     with pytest.raises(ValueError, match='commissioning'):
@@ -203,18 +196,14 @@ def test_an_invalid_request_is_rejected(text):
 def test_a_turn_without_a_clear_pulse_does_not_pass():
     guided = Commissioning(CONFIG, ROBOT, CommissioningRecord('aerarm'), [3], 'me')
     turned = 0.5 * np.pi / CONFIG.joints[3].gear.ratio
-    arrays = {'joints': CONFIG.joint_names, 'boards': ('',) * 4, 'pulse_angle': (None,) * 4}
     counts = {
         'travel': (0.0, 0.0, 0.0, CONFIG.joints[3].sign * turned),
         'span': (0.0, 0.0, 0.0, turned),
         'pulses': (0, 0, 0, round(turned / (2.0 * np.pi))),
     }
-    for _ in range(3):
-        report = ProbeReport(guided.request.id, 'watching', '', 'idle', **arrays, **counts)
-        guided.update(NOW, report)
-        guided.answer(True)
-    guided.update(NOW, replace(report, id=guided.request.id))
-    guided.answer(False)
+    for answer in (True, True, True, False):
+        guided.update(NOW, seen(guided, **counts))
+        guided.answer(answer)
     guided.answer(False)
     findings = guided.record.joints['joint4'].findings
     assert [finding for finding in findings if 'no index pulse' in finding]

@@ -26,19 +26,8 @@ def at(value, joint=JOINT, other=0.0):
 
 
 def report(**changes) -> ProbeReport:
-    base = ProbeReport(
-        'a:1',
-        'watching',
-        '',
-        'idle',
-        CONFIG.joint_names,
-        ('',) * 4,
-        NONE,
-        NONE,
-        (0,) * 4,
-        (None,) * 4,
-    )
-    return replace(base, **changes)
+    texts = ('a:1', 'watching', '', 'idle', CONFIG.joint_names, ('',) * 4)
+    return replace(ProbeReport(*texts, NONE, NONE, (0,) * 4, (None,) * 4), **changes)
 
 
 def turned(motor_turns=31.0, joint=JOINT, pulses=None, sign=1.0):
@@ -65,10 +54,7 @@ def test_a_gear_within_5_percent_passes(off):
 @pytest.mark.parametrize(
     ('watched', 'finding'),
     [
-        (
-            turned(27.0),
-            (r'27.00 turns per turn of the joint, but the configuration states 31 \(-13 %\)'),
-        ),
+        (turned(27.0), r'27.00 turns per turn of the joint, .* states 31 \(-13 %\)'),
         (turned(31.0 * 1.06), r'\(\+6 %\)'),
         (turned(sign=-1.0), 'counts in the opposite direction .* set sign: -1'),
         (turned(joint=3), r'the encoder of joint4 counted\. Swap .* joint4: 1, 1\)'),
@@ -112,10 +98,7 @@ def test_friction_and_current_of_a_manufactured_arm_pass(friction):
         (driven(span=0.1), 'did not move at 0.85 Nm. Possible causes: too much friction'),
         (driven(span=27.0 * 0.24, joint=3), ('did not move the joint; joint4 moved instead')),
         (driven(speed=-0.15), 'moved at -0.15 and +0.15 rad/s instead of +0.15 and -0.15'),
-        (
-            driven(phase='failed', reason='board1: error 6'),
-            'the bridge did not drive the motor (board1: error 6',
-        ),
+        (driven(phase='failed', reason='board1: error 6'), 'not drive the motor (board1: error 6'),
         (replace(driven(), span=(0.0, 0.0, 31.0 * 0.24, 27.0 * 0.24)), 'joint4 moved as well'),
     ],
 )

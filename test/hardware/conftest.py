@@ -74,6 +74,13 @@ class Rig:
             history.append(self.bridge.q.copy())
         return np.array(history)
 
+    def run_until(self, mode: str, longest: float, reference: Reference | None = None) -> None:
+        """Run until the bridge has a mode, for at most `longest` [s]."""
+        for _ in range(round(longest / PERIOD)):
+            if self.bridge.mode == mode:
+                return
+            self.run(PERIOD, reference)
+
     def send(self, position=None, velocity=None, effort=None, source='test', age=PERIOD) -> bool:
         names = self.config.joint_names
         offered = OfferedCommand(names, position, velocity, effort, age, source)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from aerarm_ros.hardware.boards import homing
 from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.hardware.emulation.emulated_board import BoardFaults
 from aerarm_ros.hardware.fault_watch import recovery_hint
@@ -21,16 +22,18 @@ KINDS = pytest.mark.parametrize('emulated', [True, False], ids=['emulated', 'rea
 def injected(fault: str, board: int = 0, motor: int = 0, value: float | None = None):
     def break_it(rig) -> None:
         moving = (lambda now: (None, MOVING, None)) if fault in NOT_AT_REST else None
-        rig.run(0.2, moving)
+        if moving:
+            rig.run(0.2, moving)
         rig.inject(fault, board, motor, value)
-        rig.run(0.3, moving)
+        rig.run_until('fault', 0.3, moving)
+        rig.run(0.02, moving)
 
     return break_it
 
 
 def stopped_by_hand(rig) -> None:
     rig.bridge.e_stop('test')
-    rig.run(0.2)
+    rig.run(0.02)
 
 
 def stopped_and_sunk(rig) -> None:
@@ -39,7 +42,7 @@ def stopped_and_sunk(rig) -> None:
     rig.run(0.02)
     beyond = rig.config.joints[1].position_max + 0.08
     start = rig.plant.position.copy()
-    for share in np.linspace(0.0, 1.0, 1000):
+    for share in np.linspace(0.0, 1.0, 300):
         rig.plant.reset([start[0], start[1] + share * (beyond - start[1]), *start[2:]])
         rig.cycle()
 
@@ -50,18 +53,18 @@ def asked_too_far(rig) -> None:
 
 def power_cycled_while_driven(rig) -> None:
     rig.inject('power_cycle', 1)
-    rig.run(0.2)
+    rig.run(0.05)
 
 
 def lost_at_homing(rig) -> None:
     rig.bridge.gate.trip('no index pulse was met')
-    rig.run(0.1)
+    rig.run(0.02)
 
 
 def told_by_a_board(rig) -> None:
     """Faults that emulated boards do not have: frozen data, motors that never align."""
     rig.bridge.links[0].monitor.fail('its frames are correct but their data is frozen')
-    rig.run(0.1)
+    rig.run(0.02)
 
 
 FAULTS: dict[str, Callable] = {
@@ -140,21 +143,22 @@ def follow(rig, steps: str, emulated: bool) -> None:
         if quoted is None:
             assert not emulated
             by_hand(rig, step)
-            rig.run(0.05)
+            rig.run(0.02)
             continue
         answer = command(rig, quoted[1], emulated)
         assert answer.accepted, (steps, step, answer.message)
-        rig.run(0.05)
+        rig.run(0.02)
     rig.align()  # motors that were off
-    for _ in range(30):
-        rig.run(0.1)
-        if rig.bridge.mode == 'ready':
-            return
+    rig.run_until('ready', 3.0)
 
 
 @KINDS
 @pytest.mark.parametrize('fault', FAULTS)
-def test_the_stated_recovery_steps_clear_the_fault(make_rig, fault: str, emulated: bool) -> None:
+def test_the_stated_recovery_steps_clear_the_fault(
+    make_rig, monkeypatch: pytest.MonkeyPatch, fault: str, emulated: bool
+) -> None:
+    for speed in ('_SPEED', '_RETURN_SPEED'):  # homing has tests of its own
+        monkeypatch.setattr(homing, speed, 0.5)
     rig = make_rig(seed=3).bring_up()
     assert rig.bridge.recovery_hint(emulated) == ''
     FAULTS[fault](rig)
@@ -165,7 +169,7 @@ def test_the_stated_recovery_steps_clear_the_fault(make_rig, fault: str, emulate
     assert rig.bridge.recovery_hint(emulated) == ''
     # Its angles are the true ones, and it can be commanded.
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=1e-3)
-    rig.run(0.3, lambda now: (None, [0.2, 0.0, 0.0, 0.0], None))
+    rig.run(0.02, lambda now: (None, [0.2, 0.0, 0.0, 0.0], None))
     assert rig.bridge.mode == 'running', (steps, rig.bridge.faults)
 
 
@@ -174,20 +178,14 @@ def test_after_clear_fault_an_intact_arm_is_held_in_place(rig) -> None:
     assert rig.bridge.recovery_hint(False) == rig.bridge.recovery_hint(True) == "'arm clear_fault'"
 
 
-def test_boards_that_forget_an_error_by_themselves_need_no_switch() -> None:
-    hint = recovery_hint(False, [(1, 'board1')], until_power_cycle=False)
-    assert 'switch' not in hint
-    assert 'switch the supply of board1' in recovery_hint(False, [(1, 'board1')])
-
-
-def test_motors_that_are_off_are_enabled() -> None:
-    assert recovery_hint(False, driven=False) == "'arm clear_fault', 'arm enable'"
-
-
-def test_the_recovery_hint_includes_homing_if_a_zero_is_lost() -> None:
-    lost = recovery_hint(False, zero_unknown=True)
-    by_hand = 'move the arm by hand to its home configuration'
-    assert lost.endswith(f"{by_hand}, 'arm clear_fault', 'arm home'")
-    assert recovery_hint(True, [(1, 'board1')]).endswith("'arm home'")
-    kept = recovery_hint(False, [(1, 'board1')], until_power_cycle=False)
+def test_the_recovery_hint_names_switches_and_homing_only_where_they_are_needed() -> None:
+    faulty = [(1, 'board1')]
+    assert 'switch the supply of board1' in recovery_hint(False, faulty)
+    kept = recovery_hint(False, faulty, until_power_cycle=False)
+    assert 'switch' not in kept
     assert kept.endswith("'arm clear_fault', 'arm enable'")
+    assert recovery_hint(True, faulty).endswith("'arm home'")
+    assert recovery_hint(False, driven=False) == "'arm clear_fault', 'arm enable'"
+    by_hand = 'move the arm by hand to its home configuration'
+    lost = recovery_hint(False, zero_unknown=True)
+    assert lost.endswith(f"{by_hand}, 'arm clear_fault', 'arm home'")

@@ -1,4 +1,4 @@
-"""Every injectable fault in a running bridge, by parameter and by service."""
+"""Faults in a running bridge, injected by parameter and by service."""
 
 import re
 
@@ -12,19 +12,10 @@ MOVING = [0.5, 0.0, 0.5, 0.5]
 # Fault, what the diagnostics say, joints whose states still arrive, whether the board needs a
 # power cycle: whoever hears no frame for board_timeout switches off, and keeps that error.
 FAULTS = [
-    ('bit_errors:1:0:1.0', 'board1: .* consecutive frames were bad', [0, 1], True),
     ('lost_frames:0:0:1.0', 'board0: .* consecutive frames were bad', [2, 3], True),
     ('encoder_jump:1:1:20', 'encoder of joint4 jumped by (19|2[0-2])', [0, 1, 2], True),
     ('slow_bus:0', 'board0: exchanges take 2.00 ms', [0, 1, 2, 3], False),
-    ('dead_board:1', 'board1: .* consecutive frames were bad', [0, 1], True),
-    ('over_temperature:0', r'board0: error 3 \(critical temperature\)', [2, 3], True),
     ('driver_error:1', r'board1: error 7 \(driver fault\)', [0, 1], True),
-    (
-        'board_timeout:0',
-        ('board0: 10 consecutive commands did not reach the board over MOSI'),
-        [2, 3],
-        True,
-    ),
 ]
 
 
@@ -69,8 +60,8 @@ def recover(client: BridgeClient, fault: str, align: bool) -> None:
     client.wait_for_mode('ready')
 
 
-def test_every_fault_stops_the_arm_and_is_reported(client: BridgeClient) -> None:
-    """In motion; test/hardware/test_bridge_faults.py injects them at rest too."""
+def test_faults_stop_the_arm_and_are_reported(client: BridgeClient) -> None:
+    """One of each kind; test/hardware/test_bridge_faults.py injects all of them."""
     for fault, text, heard, align in FAULTS:
         move(client)
         assert client.set_parameters(fault=fault) == []
@@ -81,29 +72,6 @@ def test_every_fault_stops_the_arm_and_is_reported(client: BridgeClient) -> None
             lambda: max(abs(client.states[-1].velocity[joint]) for joint in heard) < 0.05  # noqa: B023
         )
         recover(client, fault, align)
-
-
-def test_a_stuck_encoder_is_found_when_the_joint_moves(client: BridgeClient) -> None:
-    assert client.set_parameters(fault='stuck_encoder:0:0') == []
-    client.spin(0.3)
-    assert client.modes[-1] == 'ready'
-    client.answer = lambda state: velocity_command(state, MOVING)
-    client.wait_for_mode('fault')
-    client.wait_for(lambda: 'joint1 does not move' in client.messages['arm'])
-    recover(client, 'stuck_encoder:0', align=True)
-    move(client)
-    assert client.set_parameters(fault='stuck_encoder:1:1') == []
-    client.wait_for_mode('fault')
-    client.wait_for(lambda: 'joint4 does not move' in client.messages['arm'])
-    client.wait_for(lambda: max(np.abs(client.states[-1].velocity[:3])) < 0.05)
-
-
-@pytest.mark.pace('keep_up')
-def test_some_bad_frames_are_counted_only(client: BridgeClient) -> None:
-    assert client.set_parameters(fault='bit_errors:1:0:0.1') == []
-    client.wait_for(lambda: int(client.diagnostics.get('arm', {}).get('board1 bad frames', 0)) > 50)
-    assert client.modes[-1] == 'ready'
-    assert client.diagnostics['arm']['board0 bad frames'] == '0'
 
 
 @pytest.mark.parametrize('encoders', ['incremental'])

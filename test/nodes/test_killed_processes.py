@@ -5,7 +5,9 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -47,19 +49,24 @@ def boards() -> Iterator[SpiBoards]:
 
 
 @pytest.fixture
-def spi_bridge(
+def start_spi_bridge(
     boards: SpiBoards, ros_domain: dict[str, str], tmp_path: Path
-) -> Iterator[NodeProcess]:
+) -> Iterator[Callable[..., NodeProcess]]:
+    """Return a function that starts the real bridge on boards with absolute encoders."""
     document = yaml.safe_load(resource('config', 'aerarm.yaml').read_text())
     for board in document['boards']:
         board['encoders'] = 'absolute'
     config = tmp_path / 'absolute.yaml'
     config.write_text(yaml.safe_dump(document))
-    parameters = {**UNHURRIED, 'config': config}
-    with NodeProcess(
-        'hardware_bridge', (), parameters, boards.environment, tmp_path / 'log'
-    ) as process:
-        yield process
+    with ExitStack() as stack:
+
+        def start(**parameters: object) -> NodeProcess:
+            given = {**UNHURRIED, 'config': config, **parameters}
+            log = tmp_path / f'log{time.monotonic_ns()}'
+            process = NodeProcess('hardware_bridge', (), given, boards.environment, log)
+            return stack.enter_context(process)
+
+        yield start
 
 
 def test_when_the_controller_is_killed_the_arm_is_damped(
@@ -79,35 +86,21 @@ def test_when_the_controller_is_killed_the_arm_is_damped(
     client.wait_for(lambda: 'check that the controller runs' in client.messages['arm'])
     assert client.call('enable').success
     client.wait_for_mode('ready')
+    # What it is given to carry weighs on its joints from then on.
+    before = client.states[-1].effort[1]
+    assert client.set_parameters(payload=[0.5, 0.1, 0.2, 0.0]) == []
+    client.wait_for(lambda: abs(client.states[-1].effort[1] - before) > 0.5)
+    (reason,) = client.set_parameters(payload=[0.5])
+    assert 'must be a mass' in reason
 
 
-def test_the_real_bridge_over_spidev_until_a_device_vanishes(
-    spi_bridge: NodeProcess, boards: SpiBoards, ros_node: Node
+def test_a_device_that_vanishes_is_opened_again_and_sigquit_switches_the_motors_off(
+    start_spi_bridge: Callable[..., NodeProcess], boards: SpiBoards, ros_node: Node
 ) -> None:
-    client = BridgeClient(ros_node, 'hardware_bridge')
-    client.make_ready()
-    assert 'board1 on /dev/spidev0.1 at 8 MHz, mode 0: 50 of 50 answers' in spi_bridge.tail(50)
-    assert [board['enabled'] for board in boards.report()] == [True, True]
-    client.answer = lambda state: velocity_command(state, [0.4, 0.0, 0.4, 0.4])
-    client.wait_for(lambda: client.states[-1].velocity[0] > 0.3)
-    boards.vanish('/dev/spidev0.1')
-    client.wait_for_mode('fault')
-    client.wait_for(
-        lambda: '/dev/spidev0.1 reports an error (Cannot send' in client.messages['arm']
-    )
-    client.wait_for(lambda: max(np.abs(client.states[-1].velocity[:2])) < 0.05)
-    assert spi_bridge.stop(signal.SIGTERM) == 0
-    told = boards.report()[0]
-    assert (told['enabled'], told['error']) == (False, 0)
-    boards.let_pass(BOARD_TIMEOUT)  # for the one that nobody reaches any more
-    assert [board['enabled'] for board in boards.report()] == [False, False]
-
-
-def test_a_device_that_comes_back_is_off_until_enabled_and_sigquit_switches_off(
-    spi_bridge: NodeProcess, boards: SpiBoards, ros_node: Node
-) -> None:
+    bridge = start_spi_bridge()
     client = BridgeClient(ros_node, 'hardware_bridge')
     client.wait_for_mode('idle')
+    assert 'board1 on /dev/spidev0.1 at 8 MHz, mode 0: 50 of 50 answers' in bridge.tail(50)
     boards.vanish('/dev/spidev0.1')
     client.wait_for_mode('disconnected')
     client.wait_for(lambda: 'tries to open the device again' in client.messages['arm'])
@@ -118,23 +111,35 @@ def test_a_device_that_comes_back_is_off_until_enabled_and_sigquit_switches_off(
     client.make_ready()
     assert [board['told_on'] for board in boards.report()] == [True, True]
     assert all(board['gains'] > 0.0 for board in boards.report())
-    assert spi_bridge.stop(signal.SIGQUIT) == 0
+    # A moving arm is stopped.
+    client.answer = lambda state: velocity_command(state, [0.4, 0.0, 0.4, 0.4])
+    client.wait_for(lambda: client.states[-1].velocity[0] > 0.3)
+    boards.vanish('/dev/spidev0.1')
+    client.wait_for_mode('fault')
+    client.wait_for(
+        lambda: '/dev/spidev0.1 reports an error (Cannot send' in client.messages['arm']
+    )
+    client.wait_for(lambda: max(np.abs(client.states[-1].velocity[:2])) < 0.05)
+    assert bridge.stop(signal.SIGQUIT) == 0
     # Their time stands still without frames, so no time-out did this.
-    last = boards.report()
-    assert [(board['told_on'], board['enabled'], board['error']) for board in last] == [
-        (False, False, 0)
-    ] * 2
-    assert [(board['gains'], board['current']) for board in last] == [(0.0, 0.0)] * 2
+    told = boards.report()[0]
+    assert (told['told_on'], told['enabled'], told['error']) == (False, False, 0)
+    assert (told['gains'], told['current']) == (0.0, 0.0)
+    boards.let_pass(BOARD_TIMEOUT)  # for the one that nobody reaches any more
+    assert [board['enabled'] for board in boards.report()] == [False, False]
 
 
-def test_when_the_bridge_is_killed_the_boards_switch_off(
-    spi_bridge: NodeProcess, boards: SpiBoards, ros_node: Node
+def test_when_the_bridge_is_killed_the_boards_switch_off_and_the_next_knows_their_heat(
+    start_spi_bridge: Callable[..., NodeProcess], boards: SpiBoards, tmp_path: Path, ros_node: Node
 ) -> None:
+    file = tmp_path / 'state.json'
+    bridge = start_spi_bridge(state_file=file)
     client = BridgeClient(ros_node, 'hardware_bridge')
     client.make_ready()
+    client.wait_for(file.exists)
     assert [board['enabled'] for board in boards.report()] == [True, True]
-    os.kill(spi_bridge.pid, signal.SIGKILL)
-    assert spi_bridge.wait(60.0) == -signal.SIGKILL
+    os.kill(bridge.pid, signal.SIGKILL)
+    assert bridge.wait(60.0) == -signal.SIGKILL
     assert [(board['enabled'], board['error']) for board in boards.report()] == [(True, 0)] * 2
     boards.let_pass(0.9 * BOARD_TIMEOUT)
     assert [board['enabled'] for board in boards.report()] == [True, True]
@@ -142,23 +147,12 @@ def test_when_the_bridge_is_killed_the_boards_switch_off(
     # Error 2 is the SPI receive time-out.
     assert [(board['enabled'], board['error']) for board in boards.report()] == [(False, 2)] * 2
 
-
-def test_a_bridge_that_is_restarted_knows_how_warm_the_motors_are(
-    boards: SpiBoards, ros_domain: dict[str, str], tmp_path: Path, ros_node: Node
-) -> None:
-    file = tmp_path / 'state.json'
-    parameters = {**UNHURRIED, 'state_file': file}
-
-    def bridge(log: str) -> NodeProcess:
-        return NodeProcess('hardware_bridge', (), parameters, boards.environment, tmp_path / log)
-
-    client = BridgeClient(ros_node, 'hardware_bridge')
-    with bridge('first') as process:
-        client.wait_for_mode('unhomed')
-        assert process.stop(signal.SIGTERM) == 0
     kept = json.loads(json.loads(file.read_text())['kept'])
     kept['heat'] |= {'windings': [108.0] * 4, 'housings': [95.0] * 4}
     file.write_text(sealed(json.dumps(kept)))
-    with bridge('second'):
-        client.wait_for_mode('unhomed')
-        assert 'has cooled to' in client.call('home').message
+    for number in (0, 1):
+        boards.inject(f'power_cycle:{number}')
+    client.modes.clear()
+    start_spi_bridge(state_file=file)
+    client.wait_for_mode('idle')
+    assert 'has cooled to' in client.call('enable').message

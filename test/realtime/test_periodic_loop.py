@@ -1,8 +1,23 @@
+"""The periodic loop, its sleep, its clock, its slack and its statistics."""
+
+import signal
+import threading
 import time
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from aerarm_ros.realtime.periodic_loop import PeriodicLoop
+from aerarm_ros.realtime import periodic_loop
+from aerarm_ros.realtime.periodic_loop import (
+    CycleSlack,
+    PeriodicLoop,
+    SteadyClock,
+    TimingStatistics,
+    TimingSummary,
+    sleep_until,
+)
 
 MILLISECOND = 1_000_000
 
@@ -61,12 +76,6 @@ def test_measures_each_cycle() -> None:
     assert loop.interval.summary().minimum > 0.0
 
 
-def test_stop_before_the_start_counts() -> None:
-    loop = PeriodicLoop(1e-3)
-    loop.stop()
-    loop.run(lambda *_: pytest.fail('a stopped loop ran'))
-
-
 def test_an_error_in_the_cycle_comes_out() -> None:
     def cycle(now_ns: int, index: int) -> None:
         raise RuntimeError('board gone')
@@ -79,3 +88,158 @@ def test_an_error_in_the_cycle_comes_out() -> None:
 def test_refuses_periods_that_make_no_sense(period: float) -> None:
     with pytest.raises(ValueError, match='period .* must lie between'):
         PeriodicLoop(period)
+
+
+def test_never_wakes_before_the_deadline() -> None:
+    for delay in (-5_000_000_000, 0, 1000, 1_000_000, 20_000_000):
+        deadline = time.monotonic_ns() + delay
+        sleep_until(deadline)
+        assert time.monotonic_ns() >= deadline
+
+
+def test_the_sleep_continues_after_a_signal_handler() -> None:
+    caught = []
+    before = signal.signal(signal.SIGALRM, lambda *_: caught.append(time.monotonic_ns()))
+    try:
+        deadline = time.monotonic_ns() + 200_000_000
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+        sleep_until(deadline)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert caught
+    assert caught[0] < deadline <= time.monotonic_ns()
+
+
+def test_an_exception_of_a_signal_handler_ends_the_sleep() -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+        with pytest.raises(KeyboardInterrupt):
+            sleep_until(time.monotonic_ns() + 30_000_000_000)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_work_begins_when_a_cycle_ends(monkeypatch):
+    CycleSlack().wait()  # for a stopped loop it ends soon
+    monkeypatch.setattr(periodic_loop, '_PATIENCE', 3600.0)
+    slack, begun = CycleSlack(), threading.Event()
+    slack.begin()  # a cycle that ended before anybody waited does not count
+
+    def work():
+        slack.wait()
+        begun.set()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    assert not begun.wait(0.05)
+    end = time.monotonic() + 60.0
+    while not begun.is_set() and time.monotonic() < end:
+        slack.begin()
+        time.sleep(1e-3)
+    assert begun.is_set()
+    thread.join()
+
+
+class Clocks:
+    """A monotonic clock and a system clock that can be set."""
+
+    def __init__(self) -> None:
+        self.monotonic, self.system = 5 * 10**9, 10**18
+
+    def pass_time(self, duration: int) -> None:
+        self.monotonic += duration
+        self.system += duration
+
+
+def stamps_of(clock: SteadyClock, clocks: Clocks, cycles: int) -> np.ndarray:
+    stamps = []
+    for _ in range(cycles):
+        clocks.pass_time(MILLISECOND)
+        stamps.append(clock.now_ns())
+    return np.array(stamps)
+
+
+def make() -> tuple[SteadyClock, Clocks]:
+    clocks = Clocks()
+    return SteadyClock(lambda: clocks.system, lambda: clocks.monotonic), clocks
+
+
+def test_is_the_system_time_while_that_is_steady() -> None:
+    clock, clocks = make()
+    stamps = stamps_of(clock, clocks, 100)
+    assert stamps[-1] == clocks.system
+    assert np.all(np.diff(stamps) == MILLISECOND)
+
+
+def test_steps_of_the_system_time_are_followed_slowly() -> None:
+    clock, clocks = make()
+    for step in (-50 * MILLISECOND, 30 * MILLISECOND):
+        clocks.system += step
+        stamps = stamps_of(clock, clocks, 1000)
+        assert np.all(np.abs(np.diff(stamps) - MILLISECOND) <= 500e-6 * MILLISECOND)
+    stamps_of(clock, clocks, 100_000)
+    assert clock.now_ns() == clocks.system
+
+
+def test_a_clock_that_is_set_is_followed_at_once() -> None:
+    clock, clocks = make()
+    clocks.system += 3600 * 10**9
+    assert stamps_of(clock, clocks, 1)[0] == clocks.system
+
+
+@pytest.mark.parametrize('step', [0.6, -0.6, 5.0, -5.0, 3600.0, -3600.0])
+def test_a_clock_that_is_set_while_the_arm_moves_is_followed_later(step: float) -> None:
+    clock, clocks = make()
+    clock.may_step = False
+    clocks.system += round(step * 1e9)
+    stamps = stamps_of(clock, clocks, 1000)
+    assert np.all(np.abs(np.diff(stamps) - MILLISECOND) <= 500e-6 * MILLISECOND)
+    assert clock.behind == pytest.approx(step, abs=1e-3)
+    clock.may_step = True
+    assert stamps_of(clock, clocks, 1)[0] == clocks.system
+    assert clock.behind == 0.0
+
+
+def test_follows_the_real_clock() -> None:
+    clock = SteadyClock()
+    stamps = [clock.now_ns() for _ in range(10_000)]
+    assert np.all(np.diff(stamps) >= 0)
+
+
+@given(st.lists(st.integers(0, 30_000_000), min_size=1, max_size=300))
+def test_agrees_with_numpy_to_one_bin(durations_ns: list[int]) -> None:
+    statistics = TimingStatistics(resolution=10e-6, span=20e-3)
+    for duration in durations_ns:
+        statistics.add(duration)
+    summary = statistics.summary()
+    seconds = np.array(durations_ns) / 1e9
+    assert summary.count == len(seconds)
+    np.testing.assert_allclose(summary.mean, seconds.mean(), rtol=1e-9)
+    np.testing.assert_allclose(summary.std, seconds.std(), rtol=1e-6, atol=1e-12)
+    assert (summary.minimum, summary.maximum) == (seconds.min(), seconds.max())
+    for share, found in ((0.5, summary.p50), (0.99, summary.p99), (0.999, summary.p999)):
+        exact = np.quantile(seconds, share, method='inverted_cdf')
+        if exact < 20e-3:
+            assert exact <= found <= exact + 10e-6
+        else:
+            assert found == summary.maximum
+
+
+def test_statistics_of_nothing_of_one_and_of_an_early_wake_up() -> None:
+    statistics = TimingStatistics()
+    assert statistics.summary() == TimingSummary()
+    statistics.add(-2000)
+    summary = statistics.summary()
+    assert (summary.count, summary.maximum, summary.std) == (1, -2e-6, 0.0)
+    statistics.add(1000)
+    assert statistics.summary().minimum == -2e-6
+
+
+@pytest.mark.parametrize(('resolution', 'span'), [(0.0, 1.0), (1e-3, 1e-4), (1e-6, np.inf)])
+def test_refuses_bins_that_make_no_sense(resolution: float, span: float) -> None:
+    with pytest.raises(ValueError, match='resolution < span'):
+        TimingStatistics(resolution, span)

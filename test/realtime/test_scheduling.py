@@ -24,23 +24,18 @@ def run(code: str) -> str:
     ).stdout.strip()
 
 
-def test_an_ordinary_user_gets_advice_instead_of_fifo() -> None:
-    said = run(f'{_IMPORT}{_ORDINARY_USER}print(scheduling.set_fifo(50))')
-    assert 'SCHED_FIFO priority 50 was refused' in said
-    assert 'rtprio' in said
-    assert '/etc/security/limits.d' in said
-
-
-def test_an_ordinary_user_gets_advice_instead_of_locked_memory() -> None:
-    said = run(f'{_IMPORT}{_ORDINARY_USER}print(scheduling.lock_memory())')
-    assert 'memory was not locked' in said
-    assert 'memlock unlimited' in said
-
-
-def test_an_ordinary_user_gets_advice_instead_of_cpus_that_stay_awake() -> None:
-    said = run(f'{_IMPORT}{_ORDINARY_USER}print(scheduling.keep_cpus_awake())')
-    assert 'CPUs may sleep between cycles' in said
-    assert 'KERNEL=="cpu_dma_latency"' in said
+@pytest.mark.parametrize(
+    ('request_', 'refused', 'advice'),
+    [
+        ('set_fifo(50)', 'SCHED_FIFO priority 50 was refused', 'rtprio'),
+        ('lock_memory()', 'memory was not locked', 'memlock unlimited'),
+        ('keep_cpus_awake()', 'CPUs may sleep between cycles', 'KERNEL=="cpu_dma_latency"'),
+    ],
+)
+def test_an_ordinary_user_gets_advice_instead(request_: str, refused: str, advice: str) -> None:
+    said = run(f'{_IMPORT}{_ORDINARY_USER}print(scheduling.{request_})')
+    assert refused in said
+    assert advice in said
 
 
 @pytest.mark.skipif(

@@ -73,18 +73,13 @@ def listener(ros_node: Node) -> Listener:
     return Listener(ros_node)
 
 
-def test_an_inactive_bridge_reports_its_state(listener: Listener) -> None:
-    listener.wait_for(lambda: bool(listener.messages))
-    assert listener.arm().name == '/test: arm'
-    assert listener.arm().level == DiagnosticStatus.STALE
-    assert listener.arm().message == 'not active'
-
-
 def test_an_active_bridge_reports_once_a_second_and_only_from_its_cycle(listener: Listener) -> None:
     listener.wait_for(lambda: bool(listener.messages))
+    assert listener.arm().name == '/test: arm'
+    assert (listener.arm().level, listener.arm().message) == (DiagnosticStatus.STALE, 'not active')
     listener.diagnostics.watch(listener.watched)
     before = len(listener.messages)
-    for second in range(3):
+    for second in range(2):
         listener.step(100.0 + second, 1000)
         listener.wait_for(lambda: len(listener.messages) > before)  # noqa: B023
         assert len(listener.messages) == before + 1
@@ -95,15 +90,11 @@ def test_an_active_bridge_reports_once_a_second_and_only_from_its_cycle(listener
     timing = listener.messages[-1].status[2]
     assert timing.level == DiagnosticStatus.OK
     listener.stamps.behind = -2.0  # the system clock was set back
-    listener.step(103.0, 1000)
+    listener.step(102.0, 1000)
     listener.wait_for(lambda: len(listener.messages) > before)
     timing = listener.messages[-1].status[2]
     assert timing.level == DiagnosticStatus.WARN
-    assert (
-        'the stamps of joint_states are 2000 ms ahead of the system clock, because the system '
-        'clock was set'
-    ) in timing.message
-    assert any(v.value == '-2000.0' for v in timing.values)
+    assert '2000 ms ahead of the system clock' in timing.message
     before += 1
     listener.diagnostics.unwatch()
     listener.wait_for(lambda: len(listener.messages) > before)
@@ -124,21 +115,13 @@ def test_a_new_mode_is_reported_within_some_cycles(listener: Listener) -> None:
     assert 'emergency stop: test' in listener.arm().message
 
 
-def test_a_publisher_that_cannot_be_received_is_reported(listener: Listener) -> None:
+def test_publishers_that_disturb_the_arm_are_warnings(listener: Listener) -> None:
     listener.watch.problems = ('joint_command of /other is not received: it is another type',)
-    for now in range(20):
-        listener.cycle.update(100.0 + now * PERIOD)
-    listener.diagnostics.watch(listener.watched)
-    listener.step(100.1, PIECES)
-    listener.wait_for(lambda: any('not received' in m.status[0].message for m in listener.messages))
-    assert listener.arm().level == DiagnosticStatus.WARN
-
-
-def test_another_publisher_of_joint_states_is_reported(listener: Listener) -> None:
     listener.rivals.problem = 'joint_states has 2 publishers'
     for now in range(20):
         listener.cycle.update(100.0 + now * PERIOD)
     listener.diagnostics.watch(listener.watched)
     listener.step(100.1, PIECES)
-    listener.wait_for(lambda: any('2 pub' in m.status[0].message for m in listener.messages))
+    listener.wait_for(lambda: any('not received' in m.status[0].message for m in listener.messages))
+    assert '2 publishers' in listener.arm().message
     assert listener.arm().level == DiagnosticStatus.WARN

@@ -72,30 +72,10 @@ def test_all_transitions(start_bridge: StartBridge, ros_node: Node) -> None:
     assert lifecycle.state == State.PRIMARY_STATE_UNCONFIGURED
     assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
     assert lifecycle.trigger(Transition.TRANSITION_ACTIVATE)
-    client.make_ready()
+    client.wait_for_mode('idle')
     assert lifecycle.trigger(Transition.TRANSITION_ACTIVE_SHUTDOWN)
     assert process.wait(60.0) == 0
     assert 'Traceback' not in process.tail(100)
-
-
-def test_errors_of_the_configure_transition_are_reported(
-    start_bridge: StartBridge, ros_node: Node
-) -> None:
-    process = start_bridge(autostart=False, config='/nowhere/arm.yaml')
-    lifecycle = Lifecycle(ros_node)
-    assert not lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
-    assert lifecycle.state == State.PRIMARY_STATE_UNCONFIGURED
-    assert 'not configured' in process.tail()
-    assert '/nowhere/arm.yaml' in process.tail()
-    assert lifecycle.trigger(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
-    assert process.wait(60.0) == 0
-
-
-def test_the_error_that_ends_the_process_is_printed_once(start_bridge: StartBridge) -> None:
-    process = start_bridge(config='/nowhere/arm.yaml')
-    assert process.wait(60.0) == 1
-    assert process.tail().count('/nowhere/arm.yaml') == 1
-    assert 'fake_hardware: not configured: ' in process.tail()
 
 
 def test_invalid_transitions_are_refused_and_change_nothing(
@@ -123,11 +103,16 @@ def test_invalid_transitions_are_refused_and_change_nothing(
     client.wait_for_mode('idle')  # the cycle has not noticed
 
 
-def test_the_second_configuration_leaves_one_drone(
+def test_a_failed_configuration_is_reported_and_the_next_ones_leave_one_drone(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:
-    start_bridge(autostart=False, base_motion_profile='moving')
+    process = start_bridge(autostart=False, base_motion_profile='moving', board_kp=[9.0])
     lifecycle = Lifecycle(ros_node)
+    assert not lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
+    assert lifecycle.state == State.PRIMARY_STATE_UNCONFIGURED
+    assert 'not configured' in process.tail()
+    assert 'carry 0 to 5.09' in process.tail()
+    assert BridgeClient(ros_node).set_parameters(board_kp=[]) == []
     for _ in range(2):
         assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
         assert spin_until(ros_node, lambda: ros_node.count_publishers('imu') > 0, 60.0)

@@ -25,7 +25,7 @@ REJECTED = [
 ]
 
 
-def test_gains_are_live_and_bad_ones_are_not_stored(client: BridgeClient) -> None:
+def test_gains_are_live_bad_ones_are_not_stored_and_energy_is_counted(client: BridgeClient) -> None:
     client.make_ready()
     for name, value, hint in REJECTED:
         before = client.get_parameters(name)
@@ -42,77 +42,6 @@ def test_gains_are_live_and_bad_ones_are_not_stored(client: BridgeClient) -> Non
     client.answer = lambda state: velocity_command(state, [0.0, 0.5, 0.0, 0.0])
     client.wait_for(lambda: client.states[-1].position[1] > height - 0.05)
     assert client.modes[-1] == 'running'
-
-
-def test_the_integral_gain_of_the_thesis(start_bridge: StartBridge, ros_node: Node) -> None:
-    start_bridge(profile='laas_power', board_ki=[2.0], profile_scales=['bus_voltage=0.002'])
-    client = BridgeClient(ros_node)
-    client.make_ready()
-    assert client.set_parameters(board_ki=[1.0, 2.0, 1.0, 2.0]) == []
-    client.wait_for(lambda: 'motors' in client.diagnostics)
-    assert 'voltages that the boards report' in client.messages['motors']
-    # Their words carry voltages instead.
-    assert not [key for key in client.diagnostics['motors'] if 'resistance' in key]
-
-
-@pytest.mark.parametrize(
-    ('parameters', 'text'),
-    [
-        ({'profile': 'udriver_v9'}, 'udriver_v9'),
-        (
-            {'profile_scales': ['tension=0.1']},
-            ("profile_scales: profile uomodri_v3 has no field 'te"),
-        ),
-        ({'board_kp': [9.0]}, 'carry 0 to 5.09'),
-        ({'board_kd': [0.5, 0.1, 0.5, 0.5]}, 'kd of joint2 is 0.1.* falling arm'),
-        ({'velocity_factor': 1e9}, 'velocity_factor must be a finite number, from 1.0 to 5.0'),
-        ({'position_tolerance': 100.0}, 'position_tolerance must be .* from 0.001 to 0.5'),
-    ],
-)
-def test_invalid_parameters_end_the_bridge_with_an_error(
-    ros_domain: dict[str, str], parameters: dict, text: str
-) -> None:
-    done = run('fake_hardware', parameters=parameters)
-    assert done.returncode == 1
-    said = done.stderr + done.stdout
-    assert re.search(text, said)
-    assert 'Traceback' not in said
-
-
-def test_refused_real_time_requests_are_warnings_with_advice(
-    start_bridge: StartBridge, ros_node: Node
-) -> None:
-    process = start_bridge(cpus=[1000])
-    client = BridgeClient(ros_node)
-    client.wait_for_mode('idle')
-    client.wait_for(lambda: 'CPUs [1000] were refused' in process.tail())
-    assert 'isolcpus' in process.tail()
-
-
-@pytest.mark.pace('keep_up')
-def test_parameters_are_served_ten_times_a_second_while_the_loop_runs(client: BridgeClient) -> None:
-    client.make_ready()
-    client.answer = lambda state: velocity_command(state, [0.1, 0.0, 0.1, 0.1])
-    client.wait_for_mode('running')
-    client.wait_for(lambda: 'timing' in client.diagnostics)
-    start = int(client.diagnostics['timing']['cycles'])
-    for step in range(25):
-        kd = [0.2 + 0.004 * step]
-        assert client.set_parameters(board_kd=kd) == []
-        assert client.get_parameters('board_kd', 'period', 'stall_time') == [kd, 0.001, 0.05]
-        client.spin(0.1)
-    client.wait_for(lambda: int(client.diagnostics['timing']['cycles']) > start + 500)
-    timing = client.diagnostics['timing']
-    for what in ('period', 'wake lateness', 'execution time', 'command age'):
-        values = [float(timing[f'{what} {name} [us]']) for name in STATISTICS]
-        assert values[2] <= values[3] <= values[4] <= values[5]
-    assert 'fault' not in client.modes
-
-
-def test_energy_grows_while_the_arm_is_held(client: BridgeClient) -> None:
-    client.make_ready()
-    client.answer = lambda state: velocity_command(state, [0.3, -0.3, 0.0, 0.0])
-    client.wait_for_mode('running')
     client.wait_for(lambda: bool(client.messages['motors']))
     assert 'computed from current, resistance and speed' in client.messages['motors']
     client.wait_for(lambda: float(client.diagnostics['motors']['joint2 energy [J]']) > 0.1)
@@ -125,6 +54,59 @@ def test_energy_grows_while_the_arm_is_held(client: BridgeClient) -> None:
     # Stamped by the arm's time.
     stamp = client.states[-1].header.stamp
     assert stamp.sec + 1e-9 * stamp.nanosec - client.diagnosed < 5.0
+
+
+def test_the_integral_gain_of_the_thesis_and_a_refused_real_time_request(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    process = start_bridge(
+        profile='laas_power', board_ki=[2.0], profile_scales=['bus_voltage=0.002'], cpus=[1000]
+    )
+    client = BridgeClient(ros_node)
+    client.make_ready()
+    client.wait_for(lambda: 'CPUs [1000] were refused' in process.tail(50))
+    assert client.set_parameters(board_ki=[1.0, 2.0, 1.0, 2.0]) == []
+    client.wait_for(lambda: 'motors' in client.diagnostics)
+    assert 'voltages that the boards report' in client.messages['motors']
+    # Their words carry voltages instead.
+    assert not [key for key in client.diagnostics['motors'] if 'resistance' in key]
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'text'),
+    [
+        ({'board_kd': [0.5, 0.1, 0.5, 0.5]}, 'kd of joint2 is 0.1.* falling arm'),
+        ({'velocity_factor': 1e9}, 'velocity_factor must be a finite number, from 1.0 to 5.0'),
+    ],
+)
+def test_invalid_parameters_end_the_bridge_with_an_error(
+    ros_domain: dict[str, str], parameters: dict, text: str
+) -> None:
+    done = run('fake_hardware', parameters=parameters)
+    assert done.returncode == 1
+    said = done.stderr + done.stdout
+    assert re.search(text, said)
+    assert 'Traceback' not in said
+
+
+@pytest.mark.pace('keep_up')
+def test_parameters_are_served_ten_times_a_second_while_the_loop_runs(client: BridgeClient) -> None:
+    client.make_ready()
+    client.answer = lambda state: velocity_command(state, [0.1, 0.0, 0.1, 0.1])
+    client.wait_for_mode('running')
+    client.wait_for(lambda: 'timing' in client.diagnostics)
+    start = int(client.diagnostics['timing']['cycles'])
+    for step in range(10):
+        kd = [0.2 + 0.01 * step]
+        assert client.set_parameters(board_kd=kd) == []
+        assert client.get_parameters('board_kd', 'period', 'stall_time') == [kd, 0.001, 0.05]
+        client.spin(0.1)
+    client.wait_for(lambda: int(client.diagnostics['timing']['cycles']) > start + 500)
+    timing = client.diagnostics['timing']
+    for what in ('period', 'wake lateness', 'execution time', 'command age'):
+        values = [float(timing[f'{what} {name} [us]']) for name in STATISTICS]
+        assert values[2] <= values[3] <= values[4] <= values[5]
+    assert 'fault' not in client.modes
 
 
 def test_the_state_file_is_in_the_home_directory_unless_it_is_given(monkeypatch) -> None:

@@ -1,16 +1,26 @@
-"""Publishers that may command a running bridge."""
+"""Publishers that may command a running bridge, and subscribers of its topics."""
 
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 import rclpy
 from bridge_client import BridgeClient, StartBridge, velocity_command
+from quick_spinning import spin_until
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Float64MultiArray
 
+from aerarm_msgs_py import topics
 from aerarm_msgs_py.topics import JOINT_COMMAND
-from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.bridge.hardware_bridge import BridgeStreams
+from aerarm_ros.ros.process.node_process import NodeProcess, ros_environment
 
 FIRST = [0.2, 0.0, 0.0, 0.0]
 SECOND = [-0.4, 0.0, 0.0, 0.0]
@@ -27,6 +37,7 @@ def count(client: BridgeClient, reason: str) -> int:
     return int(client.diagnostics['arm'].get(f'rejected {reason}', 0))
 
 
+@pytest.mark.pace('keep_up')
 def test_two_bridges_warn_of_each_other(
     client: BridgeClient, bridge: NodeProcess, tmp_path: Path
 ) -> None:
@@ -98,21 +109,54 @@ def test_only_allowed_publishers_command(
     ) in client.messages['arm']
     assert client.modes[-1] == 'ready'
 
-    def both(state):
-        # Only the newest command counts, so each comes last in turn.
-        if len(client.states) % 2:
-            as_intruder(state)
-            return velocity_command(state, FIRST)
-        client.commands.publish(velocity_command(state, FIRST))
-        return as_intruder(state)
-
-    # The list judges the node that sends, not all that are present.
-    client.answer = both
-    client.wait_for_mode('running')
-    client.wait_for(lambda: client.states[-1].velocity[0] > 0.15)
-    rejected = count(client, 'not_allowed')
-    client.wait_for(lambda: count(client, 'not_allowed') > rejected + 100)
-    assert client.modes[-1] == 'running'
-    intruder.destroy()
     client.answer = lambda state: velocity_command(state, FIRST)
-    client.wait_for(lambda: 'allowed_publishers' not in client.messages['arm'])
+    client.wait_for_mode('running')
+
+
+SUBSCRIBER = """
+import rclpy
+from sensor_msgs.msg import JointState
+rclpy.init()
+node = rclpy.create_node('subscriber')
+node.create_subscription(JointState, 'joint_states', lambda message: None, 10)
+rclpy.spin(node)
+"""
+
+
+def test_subscriptions_with_default_qos_receive_from_the_bridge(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    # In lockstep a world that stands before somebody listens tells joint_states alone again.
+    start_bridge(base_motion_profile='tilted', pace='keep_up')
+    client = BridgeClient(ros_node)
+    heard: dict[str, object] = {}
+    for name, kind in (
+        ('joint_states', JointState),
+        ('motor_states', JointState),
+        ('motor_power', Float64MultiArray),
+        ('imu', Imu),
+    ):
+        ros_node.create_subscription(
+            kind, name, lambda message, name=name: heard.setdefault(name, message), 10
+        )
+    client.wait_for(lambda: len(heard) == 4)
+
+
+def test_a_subscriber_that_stands_still_holds_no_cycle_up(
+    ros_node: Node, ros_domain: dict[str, str]
+) -> None:
+    streams = BridgeStreams(ros_node, ['joint1', 'joint2', 'joint3', 'joint4'])
+    published = topics.JOINT_STATES.name
+    with subprocess.Popen([sys.executable, '-c', SUBSCRIBER], env=ros_environment()) as process:
+        try:
+            assert spin_until(ros_node, lambda: ros_node.count_subscribers(published), 60.0)
+            time.sleep(0.3)  # they know each other
+            process.send_signal(signal.SIGSTOP)
+            begin, values = time.monotonic(), np.zeros(4)
+            for index in range(1000):
+                streams.publish_joints(index, (values, values, values))
+            # To wait for it takes Fast DDS 0.1 s a message.
+            assert time.monotonic() - begin < 20.0
+        finally:
+            process.kill()
+    streams.destroy()

@@ -1,3 +1,4 @@
+import threading
 from functools import partial
 
 import pytest
@@ -11,19 +12,92 @@ from aerarm_ros.hardware.bridge_modes import NOT_ACTIVE, Action, Answer
 from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests
 
 
-def late(action: Action, is_stop: bool) -> Answer:
-    raise TimeoutError
+@pytest.fixture
+def requests() -> CycleRequests:
+    requests = CycleRequests()
+    requests.open()
+    return requests
+
+
+def ask_beside(requests: CycleRequests, action) -> list:
+    """Ask in another thread while this one serves; return what came of it."""
+    outcome = []
+
+    def ask():
+        try:
+            outcome.append(requests.ask(action))
+        except ValueError as error:
+            outcome.append(error)
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    while thread.is_alive():
+        requests.serve('the cycle')
+        thread.join(1e-3)
+    return outcome
+
+
+def test_an_action_gets_the_cycle_and_gives_its_answer_or_exception(requests):
+    seen = []
+
+    def action(cycle):
+        seen.append((cycle, threading.current_thread()))
+        return Answer(True, 'done')
+
+    assert ask_beside(requests, action) == [Answer(True, 'done')]
+    assert seen == [('the cycle', threading.current_thread())]
+
+    def fail(cycle):
+        raise ValueError('no such fault')
+
+    (error,) = ask_beside(requests, fail)
+    assert str(error) == 'no such fault'
+
+
+def test_posted_actions_run_in_order_without_waiting_callers(requests):
+    done = []
+    for number in range(3):
+        requests.post(lambda cycle, number=number: done.append(number))
+    assert done == []
+    requests.serve('the cycle')
+    assert done == [0, 1, 2]
+
+
+def test_without_a_cycle_nothing_is_taken(requests):
+    requests.close()
+    assert requests.wait_closed(0.0)
+    with pytest.raises(RuntimeError, match='activate it first'):
+        requests.ask(lambda cycle: Answer(True, ''))
+    requests.post(lambda cycle: pytest.fail('served'))
+    requests.open()
+    requests.serve('the cycle')
+
+
+@pytest.mark.parametrize('insist', [False, True])
+def test_late_actions_run_only_if_they_stop_the_arm(requests, insist):
+    done = []
+    with pytest.raises(TimeoutError):
+        requests.ask(lambda cycle: done.append(cycle), insist)
+    requests.serve('the cycle')
+    assert done == (['the cycle'] if insist else [])
+
+
+def call(node: Node, name: str) -> Trigger.Response:
+    client = node.create_client(Trigger, f'~/{name}')
+    assert client.wait_for_service(60.0)
+    answer = client.call_async(Trigger.Request())
+    assert spin_until(node, answer.done, 60.0)
+    return answer.result()
 
 
 def test_a_cycle_that_does_not_respond_is_reported_with_a_remedy(ros_node: Node) -> None:
+    def late(action: Action, is_stop: bool) -> Answer:
+        raise TimeoutError
+
     BridgeServices(ros_node, late, {'disable': BridgeCycle.disable})
-    client = ros_node.create_client(Trigger, '~/disable')
-    assert client.wait_for_service(60.0)
-    answer = client.call_async(Trigger.Request())
-    assert spin_until(ros_node, answer.done, 60.0)
-    assert not answer.result().success
-    expected = "the bridge's cycle did not respond within 1 s: check the log of the bridge"
-    assert answer.result().message == expected
+    answer = call(ros_node, 'disable')
+    assert not answer.success
+    assert 'did not respond within 1 s' in answer.message
 
 
 def test_only_stops_are_served_while_two_nodes_have_the_same_name(ros_node: Node) -> None:
@@ -37,13 +111,7 @@ def test_only_stops_are_served_while_two_nodes_have_the_same_name(ros_node: Node
         same = (ros_node.get_name(), ros_node.get_namespace())
         listed = ros_node.get_node_names_and_namespaces
         assert spin_until(ros_node, lambda: listed().count(same) == 2, 60.0)
-        answers = {}
-        for name in actions:
-            client = ros_node.create_client(Trigger, f'~/{name}')
-            assert client.wait_for_service(60.0)
-            answer = client.call_async(Trigger.Request())
-            assert spin_until(ros_node, answer.done, 60.0)
-            answers[name] = answer.result()
+        answers = {name: call(ros_node, name) for name in actions}
     finally:
         twin.destroy_node()
     assert not answers['enable'].success
@@ -62,10 +130,7 @@ def test_an_ending_bridge_answers_without_a_warning(
     requests.open()
     requests.close()
     BridgeServices(ros_node, requests.ask, {'hold': BridgeCycle.hold})
-    client = ros_node.create_client(Trigger, '~/hold')
-    assert client.wait_for_service(60.0)
-    answer = client.call_async(Trigger.Request())
-    assert spin_until(ros_node, answer.done, 60.0)
-    assert not answer.result().success
-    assert answer.result().message.endswith(NOT_ACTIVE)
-    assert logged == [('info', f'hold: {answer.result().message}')]
+    answer = call(ros_node, 'hold')
+    assert not answer.success
+    assert answer.message.endswith(NOT_ACTIVE)
+    assert logged == [('info', f'hold: {answer.message}')]

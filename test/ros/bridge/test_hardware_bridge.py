@@ -66,7 +66,7 @@ class Quiet(FakeHardware):
         self.cycles += 1
         if self.cycles == 500:  # discovery and the first modes are over
             self.before = self.pieces
-        if self.cycles == 4000:
+        if self.cycles == 2600:
             self.after = self.pieces
             self.stop()
 

@@ -3,10 +3,7 @@
 import re
 
 from bridge_client import BridgeClient, StartBridge
-from quick_spinning import spin_once
-from rclpy.node import Node
 
-from aerarm_ros.ros.bridge.bridge_diagnostics import ModeLog
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 
@@ -35,19 +32,3 @@ def test_boards_that_do_not_answer_are_named_once(start_bridge: StartBridge, ros
     client.wait_for(lambda: 'WARN disconnected' in modes(bridge.tail(50)))
     assert modes(bridge.tail(50)).count('WARN disconnected') == 1
     assert 'no answer from board0: check supply' in bridge.tail(50)
-
-
-def test_a_question_ends_without_a_full_stop(ros_node: Node, capfd) -> None:
-    log = ModeLog(ros_node)
-    log.note('damping', ['no valid command for 0.05 s: check that the controller runs'])
-    log.note('fault', ['a cable is loose'], "'arm clear_fault'")
-    log.note('fault', ['a cable is loose?'], "'arm clear_fault'")
-    told = ''
-    for _ in range(1000):
-        spin_once(ros_node, 0.01)
-        told += capfd.readouterr().err
-        if told.count('To recover') == 2:
-            break
-    assert 'check that the controller runs. The arm sinks until a valid command arrives\n' in told
-    assert "a cable is loose. To recover: 'arm clear_fault'\n" in told
-    assert "a cable is loose? To recover: 'arm clear_fault'\n" in told
