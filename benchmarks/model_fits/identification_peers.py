@@ -25,7 +25,7 @@ from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping
 from aerarm_ros.identification.regression.regression import SampleColumns
-from aerarm_ros.identification.solvers.solvers import SOLVERS
+from aerarm_ros.identification.solvers.estimate import SOLVERS
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
@@ -122,7 +122,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         bag, robot, config = Path(folder) / 'bag', load_robot(), load_arm_config()
         write_bag(bag, robot, PlantParameters.nominal(config, robot), 20.0)
-        compare('Simulated arm, 20 s', bag, robot, config, JointMapping({}), SOLVERS)
+        compare('Simulated arm, 20 s', bag, robot, config, JointMapping({}), tuple(SOLVERS))
     if DATASETS is None:
         print('UR10 and Panda were skipped: set AERARM_DATASETS')
         return 0

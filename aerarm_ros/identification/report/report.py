@@ -13,6 +13,7 @@ from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
 from aerarm_ros.identification.report import report_figures as figures
 from aerarm_ros.identification.report import report_tables as tables
+from aerarm_ros.identification.solvers.estimate import SOLVERS
 from aerarm_ros.pages.html_text import (
     Html,
     bullets,
@@ -155,21 +156,6 @@ _METRIC = (
     'low-pass. Measured filtered: only the measured torque is filtered, as in most publications. '
     'Raw: no torque is filtered.'
 )
-_THESIS = (
-    'solver of the thesis, (3.11) with (3.9), (3.12) and (3.13), which does not ensure physically '
-    'consistent links'
-)
-_SOLVERS = {
-    'cad': 'input URDF',
-    'cad_friction': 'nominal links and rotors, with identified friction',
-    'ols': 'ordinary least squares on the base parameters',
-    'wls': "least squares on the base parameters, weighted by each joint's noise",
-    'slsqp': f'{_THESIS}, by sequential quadratic programming',
-    'annealing': f'{_THESIS}, by simulated annealing',
-    'entropic': 'like sdp, but with an entropic prior that keeps links solid',
-    'sdp': 'semidefinite program with physically consistent links, close to CAD where the motion '
-    'gives no information',
-}
 _EXPORTS = (
     'Filtered torque error of the model in each written file, on the same bags. The file formats '
     'contain different terms. Only estimate.yaml contains offsets and friction beyond thesis '
@@ -218,7 +204,7 @@ _EXCITATION = (
 
 
 def _metric(result: IdentificationResult) -> str:
-    solvers = '; '.join(f'{name}: {_SOLVERS[name]}' for name in result.solutions)
+    solvers = '; '.join(f'{name}: {SOLVERS[name].text}' for name in result.solutions)
     return f'{_METRIC} {solvers}. estimate.yaml and identified.urdf contain the result of sdp.'
 
 

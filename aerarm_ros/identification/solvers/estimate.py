@@ -1,5 +1,8 @@
-"""Parameter estimate of one solver, and limits of physically possible parameters."""
+"""Table of solvers, estimate of one solver, and limits of physically possible parameters."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -7,6 +10,7 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.arm_parameters import LinkBounds
 from aerarm_ros.identification.joint_model import JointModel
+from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.model.inertia import minimum_eigenvalue
 from aerarm_ros.motion.signals import Array
 
@@ -141,3 +145,49 @@ class Estimate:
             if term.symbol == symbol:
                 values[joint] = self.theta[index]
         return values
+
+
+@dataclass(frozen=True)
+class Solver:
+    """Entry of the table `SOLVERS`.
+
+    Attributes
+    ----------
+    solve : callable
+        Function of fit and limits; returns the parameters (p,) and notes for the user. Raises
+        IdentificationError if there is no solution.
+    text : str
+        Description in the report.
+    order : int
+        Position in the tables of the report.
+    is_fast : bool
+        Whether the solver takes milliseconds.
+    """
+
+    solve: Callable[[ModelFit, PhysicalLimits], tuple[Array, tuple[str, ...]]]
+    text: str
+    order: int
+    is_fast: bool
+
+
+SOLVERS: dict[str, Solver] = {}
+"""All solvers by name; `solvers.py` imports the modules that fill this table."""
+
+_Solve = Callable[[ModelFit, PhysicalLimits], Array | tuple[Array, tuple[str, ...]]]
+
+
+def solver(name: str, text: str, order: int, is_fast: bool = False) -> Callable[[_Solve], _Solve]:
+    """Return a decorator that adds a function as a solver; see `Solver` for the arguments.
+
+    The function may return the parameters alone, if it has no notes.
+    """
+
+    def add(solve: _Solve) -> _Solve:
+        def with_notes(fit: ModelFit, limits: PhysicalLimits) -> tuple[Array, tuple[str, ...]]:
+            found = solve(fit, limits)
+            return found if isinstance(found, tuple) else (found, ())
+
+        SOLVERS[name] = Solver(with_notes, text, order, is_fast)
+        return solve
+
+    return add

@@ -9,8 +9,9 @@ from scipy.sparse import csc_matrix
 from aerarm_ros.identification.arm_parameters import LinkBounds
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD, Prior
+from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import TriangularSystem
-from aerarm_ros.identification.solvers.estimate import LARGEST_LOAD_FRICTION, PhysicalLimits
+from aerarm_ros.identification.solvers.estimate import LARGEST_LOAD_FRICTION, PhysicalLimits, solver
 from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
 from aerarm_ros.motion.signals import Array
 
@@ -362,3 +363,21 @@ def _add_determinant(
         exponential = np.zeros((3, len(_ROWS) + 4))
         exponential[0, len(_ROWS) + index] = exponential[2, place] = -1.0
         program.add('ExponentialConeT', exponential, np.array([0.0, 1.0, 0.0]), first=lower)
+
+
+@solver('entropic', 'like sdp, but with an entropic prior that keeps links solid', 6)
+def _entropic(fit: ModelFit, limits: PhysicalLimits) -> tuple[Array, tuple[str, ...]]:
+    return solve_relaxed(
+        fit.regression.system(fit.noise.weights), fit.prior, limits, solve_entropic
+    )
+
+
+@solver(
+    'sdp',
+    'semidefinite program with physically consistent links, close to CAD where the motion gives '
+    'no information',
+    7,
+    is_fast=True,
+)
+def _sdp(fit: ModelFit, limits: PhysicalLimits) -> tuple[Array, tuple[str, ...]]:
+    return solve_relaxed(fit.regression.system(fit.noise.weights), fit.prior, limits)

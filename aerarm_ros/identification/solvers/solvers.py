@@ -1,39 +1,46 @@
-"""Registry of all solvers; all run on the same reduced regression."""
+"""Run of all solvers on the same reduced regression."""
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from aerarm_ros.identification.arm_parameters import ArmParameters, LinkBounds, inertia_boxes
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.joint_model import TermKind
 from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
-from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
-from aerarm_ros.identification.solvers.semidefinite_solver import solve_entropic, solve_relaxed
-from aerarm_ros.identification.solvers.thesis_solvers import (
-    ThesisProblem,
-    solve_annealing,
-    solve_slsqp,
-)
-from aerarm_ros.motion.signals import Array
+from aerarm_ros.identification.solvers.estimate import SOLVERS, Estimate, PhysicalLimits
 
 RECOMMENDED = 'sdp'
 """Name of the recommended solver, whose estimate is physically consistent."""
-
-SOLVERS = ('cad', 'cad_friction', 'ols', 'wls', 'slsqp', 'annealing', 'entropic', RECOMMENDED)
-"""Names of all solvers, in the order of the report's tables."""
 
 ALWAYS = ('cad', 'cad_friction', 'ols', RECOMMENDED)
 """Solvers that always run, for comparison in the report."""
 
 FAST = (*ALWAYS, 'wls')
-"""Solvers that take milliseconds."""
+"""Solvers that run by default."""
+
+# Each of these modules adds its solvers to the table `SOLVERS`.
+for _module in sorted(Path(__file__).parent.glob('*_solver.py')):
+    importlib.import_module(f'{__package__}.{_module.stem}')
+
+
+def check_solvers(names: Collection[str]) -> None:
+    """Raise IdentificationError if a name is not the name of a solver."""
+    unknown = [name for name in names if name not in SOLVERS]
+    if unknown:
+        raise IdentificationError(
+            f'unknown solver {", ".join(unknown)}: choose from {", ".join(_ordered())}'
+        )
+
+
+def _ordered() -> list[str]:
+    return sorted(SOLVERS, key=lambda name: SOLVERS[name].order)
 
 
 def solve_all(
@@ -64,23 +71,18 @@ def solve_all(
         If a solver is unknown, or a solver in `ALWAYS` has no solution. Other solvers without a
         solution are omitted, and the recommended estimate's notes give the reason.
     """
-    unknown = [name for name in names if name not in SOLVERS]
-    if unknown:
-        raise IdentificationError(
-            f'unknown solver {", ".join(unknown)}: choose from {", ".join(SOLVERS)}'
-        )
+    check_solvers(names)
     limits = physical_limits(fit, cad, bounds)
-    solvers = _solvers(fit, limits)
     estimates: dict[str, Estimate] = {}
     failures: list[str] = []
-    for name in SOLVERS:
+    for name in _ordered():
         if name not in (*names, *ALWAYS):
             continue
-        if progress is not None and name not in FAST:
+        if progress is not None and not SOLVERS[name].is_fast:
             progress(name)
         begin = time.perf_counter()
         try:
-            theta, notes = solvers[name]()
+            theta, notes = SOLVERS[name].solve(fit, limits)
         except IdentificationError as error:
             if name in ALWAYS:
                 raise
@@ -91,42 +93,6 @@ def solve_all(
     recommended = _with_uncertainty(estimates[RECOMMENDED], fit)
     estimates[RECOMMENDED] = replace(recommended, notes=(*recommended.notes, *failures))
     return estimates
-
-
-def _solvers(
-    fit: ModelFit, limits: PhysicalLimits
-) -> dict[str, Callable[[], tuple[Array, tuple[str, ...]]]]:
-    """Return functions by solver name; each computes parameters, and notes for the user."""
-    regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
-    return {
-        'cad': lambda: (prior.mean, ()),
-        'cad_friction': lambda: (_drawn_with_friction(fit, limits), ()),
-        'ols': lambda: (solve_least_squares(regression, prior.mean), ()),
-        'wls': lambda: (solve_least_squares(regression, prior.mean, weights), ()),
-        'slsqp': lambda: (solve_slsqp(ThesisProblem.of(fit, limits)), ()),
-        'annealing': lambda: (solve_annealing(ThesisProblem.of(fit, limits)), ()),
-        'entropic': lambda: solve_relaxed(
-            regression.system(weights), prior, limits, solve_entropic
-        ),
-        RECOMMENDED: lambda: solve_relaxed(regression.system(weights), prior, limits),
-    }
-
-
-def _drawn_with_friction(fit: ModelFit, limits: PhysicalLimits) -> Array:
-    """Return the nominal parameters of links and rotors, with the best-fitting friction.
-
-    Friction is fitted because a URDF often has none, which would make the comparison with CAD
-    meaningless.
-    """
-    system = fit.regression.system(fit.noise.weights)
-    rotors = np.array([term.kind is TermKind.ROTOR for _, term in fit.model.joint_columns])
-    fitted = np.flatnonzero(np.append(np.zeros(10 * fit.model.n, dtype=bool), ~rotors))
-    theta = np.where(np.isin(np.arange(len(fit.prior.mean)), fitted), 0.0, fit.prior.mean)
-    if len(fitted):
-        lower = np.where(limits.nonnegative[~rotors], 0.0, -np.inf)
-        rest = system.z - system.R @ theta
-        theta[fitted] = lsq_linear(system.R[:, fitted], rest, (lower, np.inf)).x
-    return np.asarray(theta)
 
 
 def physical_limits(

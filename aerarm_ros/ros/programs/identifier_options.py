@@ -12,8 +12,6 @@ from typing import Any
 
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
-_SOLVERS = ('cad', 'cad_friction', 'ols', 'wls', 'slsqp', 'annealing', 'entropic', 'sdp')
-
 
 def fraction(text: str) -> float:
     """Convert text to a fraction of at least 0 and below 1; raise ArgumentTypeError otherwise."""
@@ -148,9 +146,9 @@ _OPTIONS: tuple[Option, ...] = (
     ('--bound-centres', {'action': 'store_true'},
         'constrain the centre of mass of each link to the inside of a homogeneous box with the '
         "link's inertia in the URDF"),
-    ('--solvers', {'nargs': '+', 'choices': _SOLVERS, 'default': [], 'metavar': 'NAME'},
-        'solvers in addition to cad, cad_friction, ols and sdp, which always run (default: wls); '
-        'slsqp and annealing take seconds'),
+    ('--solvers', {'nargs': '+', 'default': [], 'metavar': 'NAME'},
+        'solvers in addition to cad, cad_friction, ols and sdp, which always run: wls (default), '
+        'entropic, slsqp or annealing; slsqp and annealing take seconds'),
 )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ from aerarm_ros.identification.joint_model import TermKind
 from aerarm_ros.identification.recording.recording import BagFacts, JointMapping, Recording
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
 from aerarm_ros.identification.report.report import ReportExtras, report_html
-from aerarm_ros.identification.solvers.solvers import FAST
+from aerarm_ros.identification.solvers.solvers import FAST, check_solvers
 from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.identifier_bags import (
     IdentifierBags,
@@ -246,6 +246,7 @@ class IdentifierRun:
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
         self._stopwatch = Stopwatch()
+        check_solvers(options.solvers)
         paths: list[Path] = [*options.bag, *options.validation, *options.payload]
         self._arm = RecordedArm(options, paths)
         self._exports: Sequence[ExportError] = ()

@@ -12,7 +12,7 @@ from aerarm_ros.identification.regression.base_parameters import Prior
 from aerarm_ros.identification.regression.regression import TriangularSystem
 from aerarm_ros.identification.solvers.estimate import PhysicalLimits
 from aerarm_ros.identification.solvers.solvers import physical_limits
-from aerarm_ros.identification.solvers.thesis_solvers import ThesisProblem, solve_slsqp
+from aerarm_ros.identification.solvers.thesis_solver import ThesisProblem, solve_slsqp
 from aerarm_ros.model.inertia import from_pseudo_inertia
 from aerarm_ros.model.regressor import Regressor
 

@@ -18,10 +18,10 @@ from aerarm_ros.identification.joint_model import (
 )
 from aerarm_ros.identification.regression.base_parameters import find_base_parameters
 from aerarm_ros.identification.regression.regression import ReducedRegression, triangular_factor
-from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.identification.solvers.estimate import SOLVERS, Estimate, solver
 from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED, solve_all
-from aerarm_ros.identification.solvers.thesis_solvers import ThesisProblem, solve_annealing
+from aerarm_ros.identification.solvers.thesis_solver import ThesisProblem, solve_annealing
 from aerarm_ros.model.inertia import barycentric_inertia
 from aerarm_ros.model.regressor import Regressor
 
@@ -48,6 +48,19 @@ def test_slow_solvers_run_on_request_and_report_progress(
     assert list(estimates) == ['cad', 'cad_friction', 'ols', 'slsqp', 'sdp']
     assert told == ['slsqp']
     assert np.array_equal(estimates['slsqp'].theta, slsqp)  # the same bits in every run
+
+
+def test_a_decorated_function_is_a_solver(
+    result: IdentificationResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setitem(SOLVERS, 'halved', None)  # removes the new solver afterwards
+        solver('halved', 'half of the nominal parameters', 9)(lambda fit, _: 0.5 * fit.prior.mean)
+        estimates = solve_all(result.fit, result.cad, ['halved'])
+    assert list(estimates)[-1] == 'halved'
+    assert np.array_equal(estimates['halved'].theta, 0.5 * result.fit.prior.mean)
+    with pytest.raises(IdentificationError, match='halved: choose from cad, cad_friction, ols'):
+        solve_all(result.fit, result.cad, ['halved'])
 
 
 def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResult) -> None:

@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import TriangularSystem
-from aerarm_ros.identification.solvers.estimate import PhysicalLimits
+from aerarm_ros.identification.solvers.estimate import PhysicalLimits, solver
 from aerarm_ros.model.inertia import barycentric_inertia, from_pseudo_inertia, pseudo_inertia
 from aerarm_ros.motion.signals import Array
 
@@ -289,3 +289,19 @@ class _Search:
     def _violation(self, theta: Array) -> Array:
         inertial = theta[:, : 10 * self._problem.n].reshape(len(theta), -1, 10)
         return np.asarray(np.maximum(-self._problem.inequalities(inertial), 0.0).sum(axis=1))
+
+
+_TEXT = (
+    'solver of the thesis, (3.11) with (3.9), (3.12) and (3.13), which does not ensure physically '
+    'consistent links'
+)
+
+
+@solver('slsqp', f'{_TEXT}, by sequential quadratic programming', 4)
+def _slsqp(fit: ModelFit, limits: PhysicalLimits) -> Array:
+    return solve_slsqp(ThesisProblem.of(fit, limits))
+
+
+@solver('annealing', f'{_TEXT}, by simulated annealing', 5)
+def _annealing(fit: ModelFit, limits: PhysicalLimits) -> Array:
+    return solve_annealing(ThesisProblem.of(fit, limits))
