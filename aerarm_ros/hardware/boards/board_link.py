@@ -11,6 +11,7 @@ import numpy as np
 from aerarm_ros.description.arm_config import ArmConfig, DriveTrain
 from aerarm_ros.hardware.boards.board_monitor import BoardMonitor
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
+from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD, BoardCommand, BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec, FrameError
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
@@ -115,6 +116,10 @@ class Transport(Protocol):
 
     def problem(self, board: int) -> str:
         """Reason why the last frame exchange with a board failed; '' after a success."""
+        ...
+
+    def self_test(self, profile: FrameProfile) -> Sequence[Answer]:
+        """Test the open connection to each board while its motors are off; return the results."""
         ...
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedMotor
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
 
@@ -284,6 +285,10 @@ class EmulatedTransport:
         for (_, _, motor, ratio, offset), q in zip(self._drives, positions, strict=True):
             motor.encoder.place((q - offset) * ratio)
         self.carry()
+
+    def self_test(self, profile: FrameProfile) -> tuple[()]:
+        """Return no result, because emulated boards have no wires."""
+        return ()
 
     def advance(self, now: float) -> None:
         """Simulate boards and arm up to `now` [s], by at most 10 ms."""

@@ -166,6 +166,7 @@ class SpidevTransport:
     """
 
     def __init__(self, config: ArmConfig) -> None:
+        self._config = config
         self._devices = [SpidevDevice(board) for board in config.boards]
 
     def open(self) -> None:
@@ -210,6 +211,15 @@ class SpidevTransport:
     def set_mode(self, board: int, mode: int) -> None:
         """Change a board's SPI mode for the self-test; raise OSError if the driver refuses."""
         self._devices[board].set_mode(mode)
+
+    def self_test(self, profile: FrameProfile) -> list[Answer]:
+        """Test the connection to each board, see the function `self_test`."""
+        return self_test(self, self._config, profile)
+
+
+def make_transport(config: ArmConfig) -> SpidevTransport:
+    """Return the transport that `transport:=spidev` selects."""
+    return SpidevTransport(config)
 
 
 _EXCHANGES = 50

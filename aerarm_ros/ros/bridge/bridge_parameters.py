@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +13,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.hardware.boards.board_link import Transport
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, ProfileError, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
@@ -114,6 +117,13 @@ _SETTINGS = {
     ),
 }
 
+TRANSPORT = Parameter(
+    'transport',
+    'spidev',
+    'connection to the motor boards: spidev, or the import path of a Python module with the '
+    'function make_transport',
+)
+
 BRIDGE_PARAMETERS = (
     *ARM_FILES,
     DRONE_FILE,
@@ -156,6 +166,7 @@ BRIDGE_PARAMETERS = (
         'name or file of the board profile, which describes the frames; if empty, that of the '
         'configuration',
     ),
+    TRANSPORT,
     Parameter(
         'profile_scales',
         [],
@@ -201,6 +212,24 @@ BRIDGE_PARAMETERS = (
         for name, (unit, description) in _SETTINGS.items()
     ),
 )
+
+
+def make_transport(name: str, config: ArmConfig) -> Transport:
+    """Return the transport of a module in `hardware/transports`, or of a user's module.
+
+    Raises ValueError if there is no such module, or if it has no function `make_transport`.
+    """
+    own = f'aerarm_ros.hardware.transports.{name}_transport'
+    try:
+        module = importlib.import_module(own if name.isidentifier() and find_spec(own) else name)
+        make: Callable[[ArmConfig], Transport] = module.make_transport
+    except (ImportError, ValueError, TypeError, AttributeError) as error:
+        raise ValueError(
+            f'the parameter transport is {name!r}, but this module cannot be used ({error}): set '
+            "transport to 'spidev', or to the import path of a module with the function "
+            'make_transport'
+        ) from None
+    return make(config)
 
 
 def bridge_settings(values: SimpleNamespace) -> BridgeSettings:

@@ -25,7 +25,6 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_modes import ACTIONS, Action, Answer
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.command_intake import CommandPublishers, OfferedCommand
-from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport, self_test
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.realtime.periodic_loop import CycleSlack, PeriodicLoop, SteadyClock
 from aerarm_ros.ros.bridge.bridge_diagnostics import (
@@ -41,6 +40,7 @@ from aerarm_ros.ros.bridge.bridge_parameters import (
     board_gains,
     bridge_settings,
     frame_profile,
+    make_transport,
     state_file,
 )
 from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests
@@ -133,7 +133,7 @@ class World:
                 f'the configuration of {config.name} is for emulated boards only: measure the '
                 'values that the file marks as guesses, then remove the line emulated_only'
             )
-        return SpidevTransport(config)
+        return make_transport(self.bridge.values.transport, config)
 
     def make_loop(self) -> PeriodicLoop:
         """Return the loop that calls the bridge's cycle periodically."""
@@ -307,9 +307,7 @@ class HardwareBridge(LifecycleNode):
 
     def _try_wires(self, profile: FrameProfile) -> None:
         """Test the connection to each real board, and log the result."""
-        if not isinstance(self._transport, SpidevTransport):
-            return
-        for answer in self_test(self._transport, self.config, profile):
+        for answer in self._transport.self_test(profile):
             if answer.accepted:
                 self.get_logger().info(answer.message)
             else:

@@ -26,7 +26,7 @@ from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM, FaultReq
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
-from aerarm_ros.ros.bridge.bridge_parameters import BRIDGE_PARAMETERS
+from aerarm_ros.ros.bridge.bridge_parameters import BRIDGE_PARAMETERS, TRANSPORT
 from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
 from aerarm_ros.ros.bridge.hardware_bridge import Command, World
 from aerarm_ros.ros.emulation import drone_parameters
@@ -44,7 +44,11 @@ from aerarm_ros.simulation.made_geometry import MadeGeometry
 
 PARAMETERS = ParameterTable(
     # An emulated arm needs no commissioning.
-    *(replace(p, default='') if p is COMMISSIONING_PARAMETER else p for p in BRIDGE_PARAMETERS),
+    *(
+        replace(p, default='') if p is COMMISSIONING_PARAMETER else p
+        for p in BRIDGE_PARAMETERS
+        if p is not TRANSPORT
+    ),
     *PACE_PARAMETERS,
     *EMULATION_PARAMETERS,
     *SENSOR_PARAMETERS,

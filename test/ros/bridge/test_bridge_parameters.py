@@ -11,7 +11,8 @@ from rclpy.node import Node
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
-from aerarm_ros.ros.bridge.bridge_parameters import AUTO, state_file
+from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport
+from aerarm_ros.ros.bridge.bridge_parameters import AUTO, make_transport, state_file
 
 STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 REJECTED = [
@@ -124,3 +125,14 @@ def test_the_state_file_is_in_the_home_directory_unless_it_is_given(monkeypatch)
     with pytest.raises(ValueError, match='set the parameter state_file'):
         state_file(values, '/left/hardware_bridge', False)
     assert state_file(SimpleNamespace(state_file='/zeros'), '/bridge', False) == Path('/zeros')
+
+
+def test_a_module_alone_adds_a_transport(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = load_arm_config()
+    assert isinstance(make_transport('spidev', config), SpidevTransport)
+    (tmp_path / 'my_bus.py').write_text('def make_transport(config):\n    return config.name\n')
+    monkeypatch.syspath_prepend(tmp_path)
+    assert make_transport('my_bus', config) == config.name
+    for name in ('', 'no_bus', 'no.bus', '.bus', 'json', '/dev/spidev0.0'):
+        with pytest.raises(ValueError, match=f'the parameter transport is {name!r}'):
+            make_transport(name, config)
