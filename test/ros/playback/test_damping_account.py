@@ -13,14 +13,6 @@ def account(*modes: tuple[float, str], begin: float = 0.0, end: float = 10.0) ->
     return account
 
 
-def test_a_motion_without_damping_reports_none() -> None:
-    calm = account((-1.0, 'ready'), (0.5, 'running'))
-    assert calm.damped == (0, 0.0)
-    assert calm.share == 0.0
-    assert calm.text == ''
-    assert DampingAccount().share == 0.0
-
-
 def test_each_time_is_counted_with_its_length() -> None:
     shaken = account(
         (0, 'running'), (2, 'damping'), (2.5, 'running'), (4, 'damping'), (5, 'running')
