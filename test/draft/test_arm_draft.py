@@ -13,7 +13,7 @@ from aerarm_ros.description.arm_config import ArmConfig, DriveTrain, load_arm_co
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.draft.arm_draft import ArmDraft
-from aerarm_ros.draft.draft_text import MARK, arm_text, excitation_text
+from aerarm_ros.draft.draft_text import arm_text, excitation_text
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.settings import load_excitation_config
@@ -77,18 +77,6 @@ def test_limits_are_those_of_the_urdf_and_everything_else_is_marked(
         assert load_arm_config(file) == config
         file.write_text(excitation_text(draft, 'its.urdf'))
         assert load_excitation_config(file) == draft.excitation
-
-
-def test_every_mark_stands_at_a_value_that_the_head_explains(drafts: dict[str, ArmDraft]) -> None:
-    text = arm_text(drafts['three_joints'], 'three_joints.urdf')
-    explained = ' '.join(line for line in text.splitlines() if line.startswith('#'))
-    marked = {line.split(':')[0].strip(' -') for line in text.splitlines() if MARK in line}
-    for key in marked - {'mode'}:
-        assert key in explained, key
-    guessed = drafts['three_joints'].guesses[0] - {'position_min', 'position_max'}
-    assert {'position_min', 'coulomb'} <= marked  # of a joint without limits
-    assert guessed <= marked
-    assert not {'velocity_max', 'effort_max', 'name'} & marked
 
 
 @pytest.mark.parametrize('name', ['three_joints', 'ur5', 'panda', 'aerarm'])

@@ -82,17 +82,6 @@ def test_load_dependent_friction_is_chosen_and_measured(
     assert automatic.comparisons
 
 
-def test_a_bag_without_velocities_does_as_well(
-    arm, robot: Robot, config: ArmConfig, result: IdentificationResult
-) -> None:
-    bag = replace(arm.recording(1, noise=1.0), dq=None)
-    without = identified(robot, config, bag, [], 'coulomb')
-    assert without.filter_choice.kinematics.from_position
-    assert without.recommended.identification[0].filtered < 1.2 * (
-        result.recommended.identification[0].filtered + 0.1
-    )
-
-
 def test_a_dead_sensor_leaves_the_other_joints_identified(
     arm, robot: Robot, config: ArmConfig
 ) -> None:
@@ -109,21 +98,6 @@ def test_a_dead_sensor_leaves_the_other_joints_identified(
     assert entry['per_joint_raw'][3] is None
     assert result.recommended.estimate.physically_consistent
     assert "Plotly.newPlot('friction'" in report_html(result, ReportExtras()).replace('"', "'")
-
-
-def test_same_input_same_bits(arm, robot: Robot, config: ArmConfig) -> None:
-    bag = arm.recording(1, noise=1.0)
-    first, second = (identified(robot, config, bag, [], 'auto') for _ in range(2))
-    assert first.fit.model == second.fit.model
-    for name, solution in first.solutions.items():
-        assert np.array_equal(solution.estimate.theta, second.solutions[name].estimate.theta)
-
-
-def test_too_little_motion_is_refused(arm, robot: Robot, config: ArmConfig) -> None:
-    bag = arm.recording(1)
-    short = bag.part(0.4, 0.4 + 1.5 / bag.duration, '')
-    with pytest.raises(IdentificationError, match='too short'):
-        identified(robot, config, short, [], 'coulomb')
 
 
 def test_joints_at_rest_are_reported_and_the_rest_identified(

@@ -24,18 +24,6 @@ def truth_file(tmp_path: Path, robot, config) -> Path:
     return path
 
 
-def test_the_boards_file_is_understood(
-    truth_file: Path, result: IdentificationResult, robot, config
-) -> None:
-    model = result.fit.model
-    truth = load_truth(truth_file, model)
-    plant = PlantParameters.nominal(config, robot).perturbed(3)
-    theta = truth.vector(model)
-    assert np.allclose(theta[:40].reshape(4, 10), plant.inertial_parameters)
-    assert np.allclose(Estimate('', model, theta).joint_values('Ja'), plant.rotor_inertia)
-    assert truth.parameters['fv_joint2'] == pytest.approx(plant.viscous[1])
-
-
 def test_error_is_zero_for_the_truth_as_currents_show_it(
     truth_file: Path, result: IdentificationResult
 ) -> None:
@@ -48,21 +36,6 @@ def test_error_is_zero_for_the_truth_as_currents_show_it(
     off = 100.0 * np.abs(1.0 - 1.0 / truth.measured_per_true_torque)
     assert error.per_joint == pytest.approx(off, rel=1e-6)
     assert 0.0 < error.total < off.max()
-
-
-def test_identification_comes_closer_than_cad(
-    make_arm: Callable, result: IdentificationResult, tmp_path: Path
-) -> None:
-    arm = make_arm()
-    names = result.fit.model.columns
-    values = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
-    path = tmp_path / 'truth.yaml'
-    path.write_text(yaml.safe_dump({'parameters': dict(zip(names, values.tolist(), strict=True))}))
-    truth = load_truth(path, result.fit.model)
-    estimates = [solution.estimate for solution in result.solutions.values()]
-    errors = inertial_torque_errors(truth, estimates, result.validation)
-    total = {error.solver: error.total for error in errors}
-    assert total['sdp'] < 0.5 < 3.0 < total['cad']
 
 
 def truth_of(arm, model, gains: np.ndarray) -> Truth:
@@ -101,10 +74,7 @@ def test_a_base_parameter_is_unknown_if_a_part_is(result: IdentificationResult, 
         assert np.isnan(values).tolist() == ['Ja_joint1' in part for part in parts]
 
 
-@pytest.mark.parametrize(
-    'text',
-    ['parameters: {m_link1: 1.0}', '[1, 2]', 'parameters: 3', '{', 'parameters: {m_link1: heavy}'],
-)
+@pytest.mark.parametrize('text', ['parameters: {m_link1: 1.0}', '[1, 2]', '{'])
 def test_other_files_are_refused(tmp_path: Path, result: IdentificationResult, text: str) -> None:
     path = tmp_path / 'truth.yaml'
     path.write_text(text)

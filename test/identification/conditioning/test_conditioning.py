@@ -66,35 +66,6 @@ def test_kinematics_come_out_as_they_went_in(
         assert np.sqrt(np.mean((found - exact)[inside] ** 2)) < tolerance
 
 
-def test_samples_cover_two_periods_at_five_times_the_cutoff(recording) -> None:
-    conditioner = Conditioner([recording], FREE)
-    samples = conditioner.condition(recording, conditioner.candidates()[0])
-    assert samples.recorded == 10_000
-    assert samples.step == 20
-    assert len(samples.time) == 500
-    assert samples.kept.all()
-    # Both passes of the same part of the period are left out together.
-    assert np.array_equal(samples.fold[:250], samples.fold[250:])
-    assert np.array_equal(np.unique(samples.fold), np.arange(5))
-
-
-def test_fast_recordings_are_decimated_before_they_are_filtered(make_arm: Callable) -> None:
-    """A kilohertz is more than a filter at 5 Hz can use; the kinematics stay the same."""
-    fast = make_arm(rate=1000.0).recording(1, noise=1.0)
-    conditioner = Conditioner([fast], FREE)
-    kinematics = KinematicsFilter(5.0, None, False)
-    samples = conditioner.condition(fast, kinematics)
-    assert samples.recorded == 20_000
-    assert len(samples.dq_fine) == 10_000
-    assert samples.step == 20
-    t, _, _, ddq = make_arm(rate=1000.0).motion(1)
-    exact = np.column_stack([np.interp(samples.time, t, column) for column in ddq.T])
-    assert np.sqrt(np.mean((samples.ddq - exact)[5:-5] ** 2)) < 4e-2
-    # Torque as recorded stays as recorded.
-    rows = np.searchsorted(fast.time, samples.time - 1e-6)
-    assert np.allclose(samples.tau_raw, fast.tau[rows], atol=1e-3)
-
-
 def test_ends_of_an_aperiodic_motion_are_left_out(recording) -> None:
     part = recording.part(0.2, 0.7, '')
     conditioner = Conditioner([part], FREE)
@@ -131,14 +102,6 @@ def test_cutoffs_to_try_reach_from_the_rule_down_to_the_positions(recording) -> 
     assert misled.cutoffs[0] < 5.0
     fixed = Conditioner([blurred], ConditioningOptions(cutoff=6.0))
     assert fixed.cutoffs == (6.0,)
-
-
-def test_trials_have_their_samples_in_common(recording) -> None:
-    conditioner = Conditioner([recording], FREE)
-    found = [c.trial(recording, c.candidates()[-1]) for c in (conditioner, conditioner.at(2.5))]
-    assert np.array_equal(found[0].time, found[1].time)
-    assert np.array_equal(found[0].tau_raw, found[1].tau_raw)
-    assert not np.allclose(found[0].tau, found[1].tau, atol=1e-3)
 
 
 def test_a_cutoff_below_the_motion_is_refused(recording) -> None:
@@ -250,13 +213,6 @@ def test_the_fastest_joint_decides(noise: float) -> None:
     dq = DQ + noise * np.random.default_rng(0).standard_normal(DQ.shape)
     assert motion_band(Q, dq, DT) == pytest.approx(0.8, abs=0.1)
     assert motion_band(Q, None, DT) == pytest.approx(0.8, abs=0.1)
-
-
-def test_a_joint_at_rest_does_not_matter() -> None:
-    at_rest = np.zeros(len(T))
-    moving = [np.column_stack([values[:, 0], at_rest]) for values in (Q, DQ)]
-    assert motion_band(*moving, DT) == pytest.approx(0.2, abs=0.1)
-    assert motion_band(np.zeros((100, 2)), None, DT) > 0.0
 
 
 def test_noise_in_both_that_falls_with_frequency_is_no_motion() -> None:

@@ -2,7 +2,6 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -179,19 +178,6 @@ def test_mujoco_and_pinocchio_need_the_same_torque(
         )
 
 
-def test_directions_and_limits_survive(robot: Robot) -> None:
-    nothing = np.zeros(robot.n)
-    text = identified_mjcf(robot, robot.inertial_parameters, nothing, nothing, nothing)
-    model = mujoco.MjModel.from_xml_string(text)
-    assert model.opt.gravity == pytest.approx(robot.gravity_in_base)
-    for joint in range(robot.n):
-        limits = robot.position_min[joint], robot.position_max[joint]
-        if np.isfinite(limits).all():
-            assert model.jnt_range[joint] == pytest.approx(limits)
-        else:
-            assert not model.jnt_limited[joint]
-
-
 DRAKE_ROTOR = '{drake.mit.edu}rotor_inertia'
 
 
@@ -288,13 +274,3 @@ def test_load_dependent_friction_is_not_counted_twice(result: IdentificationResu
     viscous, coulomb = equivalent_friction(rounded, result.identification, beside_load=True)
     assert viscous == pytest.approx([0.1] * 4)
     assert coulomb == pytest.approx([0.2] * 4)
-
-
-def test_never_negative(result: IdentificationResult, make_arm: Callable) -> None:
-    creep = JointTerm(TermKind.CREEP, 0.3)
-    robot = result.robot
-    model = JointModel.uniform(robot.joint_names, robot.link_names, (creep,))
-    theta = np.concatenate([robot.inertial_parameters.ravel(), np.ones(4)])
-    estimate = replace(result.recommended.estimate, model=model, theta=theta)
-    for values in equivalent_friction(estimate, result.identification):
-        assert np.all(values >= 0.0)

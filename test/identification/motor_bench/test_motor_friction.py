@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motor_data import COULOMB, GRAVITY, INERTIA, LOAD, VISCOUS, step, steps
+from motor_data import COULOMB, GRAVITY, LOAD, VISCOUS, step, steps
 
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.motor_bench.motor_friction import (
     BOARD,
     VOLTAGE,
     MotorResistance,
-    MotorRun,
     MotorSupply,
     find_resistance,
     fit_motor_friction,
@@ -46,14 +45,6 @@ def test_without_gravity_the_load_stays_at_its_prior() -> None:
     assert friction.load == pytest.approx(0.0, abs=0.05)
     assert friction.std[2] == pytest.approx(0.05, rel=0.05)
     assert friction.coulomb == pytest.approx(COULOMB, abs=0.005)
-
-
-def test_a_velocity_loop_that_still_settles_does_no_harm() -> None:
-    runs = steps(settling=0.1, **BARE)
-    naive = fit_motor_friction(runs, mounted=False, name='j')
-    informed = fit_motor_friction(runs, mounted=False, name='j', inertia=INERTIA)
-    assert abs(informed.viscous - VISCOUS) < 1e-5
-    assert abs(naive.viscous - VISCOUS) > 1e-4
 
 
 def test_faulty_runs_are_named() -> None:
@@ -109,16 +100,3 @@ def test_currents_that_tell_nothing_are_no_measurement() -> None:
     random = np.random.default_rng(1)
     noise = replace(moved, power=random.standard_normal(len(moved.time)), reported=0.5)
     assert find_resistance(noise, 0.25) == MotorResistance(0.5, 0.125, BOARD)
-
-
-def test_blocks_of_a_straight_line() -> None:
-    time = 5.0 + np.arange(0.0, 1.04, 1e-3)
-    dq = 0.5 - 0.2 * (time - 5.0)
-    sine, cosine, mean_dq, ddq, tau = MotorRun(0.5, time, np.zeros_like(time), dq, 3.0 * dq).blocks(
-        0.1
-    )
-    assert len(mean_dq) == 10  # the rest of 0.04 s belongs to the last one
-    np.testing.assert_allclose(ddq, -0.2, atol=1e-9)
-    np.testing.assert_allclose(tau, 3.0 * mean_dq)
-    np.testing.assert_allclose(cosine, 1.0)
-    np.testing.assert_allclose(sine, 0.0)

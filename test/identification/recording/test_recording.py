@@ -74,16 +74,6 @@ def test_renaming_ignoring_and_gains(states) -> None:
         recording_from_states('bag', more, JOINTS, JointMapping({'b': 'joint1'}))
 
 
-def test_a_prefix_is_taken_off(states) -> None:
-    prefixed = replace(states, names=tuple(f'left_{name}' for name in states.names))
-    recording = recording_from_states('bag', prefixed, JOINTS, JointMapping({}, prefix='left_'))
-    assert recording.joint_names == JOINTS
-    with pytest.raises(IdentificationError, match='not in .*, which has left_joint1.*--tf-pre'):
-        recording_from_states('bag', prefixed, JOINTS, AS_IS)
-    mapping = JointMapping({'left_joint1': 'joint1'}, prefix='left_')
-    assert recording_from_states('bag', prefixed, JOINTS, mapping).joint_names == JOINTS
-
-
 def test_missing_or_zero_velocities_are_derived_later(states) -> None:
     for value in (np.nan, 0.0):
         without = changed(states, 'velocity', slice(None), slice(None), value)
@@ -229,12 +219,3 @@ def test_rest_before_and_after_a_motion_is_left_out() -> None:
     assert part.stop == pytest.approx(1400 + 50, abs=15)
     assert moving_span(TIME, positions((0, 2000, 1.0))) == (slice(0, 2000), 'whole bag')
     assert moving_span(TIME, np.zeros((2000, 2))) == (slice(0, 2000), 'whole bag')
-
-
-def test_missing_positions_are_no_motion() -> None:
-    q = positions((600, 1400, 1.0))
-    q[:100] = np.nan
-    q[50:80, 0] = np.inf
-    part, _ = moving_span(TIME, q)
-    assert part.start == pytest.approx(550, abs=15)
-    assert moving_span(TIME, np.full((2000, 2), np.nan)) == (slice(0, 2000), 'whole bag')

@@ -108,13 +108,6 @@ def test_unusable_rows_do_not_count() -> None:
     assert noise.std == pytest.approx([1.0, 1.0], rel=0.1)
 
 
-def test_weights_stay_finite_without_noise_or_samples() -> None:
-    usable = np.array([[True, False]] * 50)
-    noise = noise_from_residuals([np.zeros((50, 2))], [usable], np.array([2.0, 0.0]))
-    assert np.all(np.isfinite(noise.weights))
-    assert np.all(noise.correlation == 1.0)
-
-
 def base_of(robot: Robot, moving: list[int]) -> BaseParameters:
     """Base parameters of a motion in which only some joints move."""
     states = np.zeros((3, 200, robot.n))
