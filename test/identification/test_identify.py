@@ -59,15 +59,6 @@ def test_noisy_data_are_explained_within_their_standard_deviations(
     assert 0.3 < np.sqrt(np.mean(normalised**2)) < 2.5
 
 
-def test_identified_beats_cad_and_is_physical(result: IdentificationResult) -> None:
-    cad, sdp = result.solutions['cad'], result.recommended
-    assert sdp.estimate.physically_consistent
-    assert sdp.estimate.min_pseudo_inertia_eigenvalue > 0.0
-    assert sdp.validation[0].filtered < 0.2 * cad.validation[0].filtered
-    assert np.all(sdp.estimate.std > 0.0)
-    assert np.all((sdp.estimate.determined >= 0.0) & (sdp.estimate.determined <= 1.0))
-
-
 def test_load_dependent_friction_is_chosen_and_measured(
     make_arm: Callable, robot: Robot, config: ArmConfig
 ) -> None:
@@ -98,24 +89,6 @@ def test_a_dead_sensor_leaves_the_other_joints_identified(
     assert entry['per_joint_raw'][3] is None
     assert result.recommended.estimate.physically_consistent
     assert "Plotly.newPlot('friction'" in report_html(result, ReportExtras()).replace('"', "'")
-
-
-def test_joints_at_rest_are_reported_and_the_rest_identified(
-    make_arm: Callable, robot: Robot, config: ArmConfig
-) -> None:
-    arm = make_arm()
-    bag = arm.recording(1)
-    t, q, dq, ddq = arm.motion(1)
-    q[:, 2] = q[0, 2]
-    dq[:, 2] = ddq[:, 2] = 0.0
-    still = replace(bag, time=t, q=q, dq=dq, tau=arm.torque(q, dq, ddq))
-    result = identified(robot, config, still, [], 'coulomb')
-    assert any('identifies only' in text for text in result.warnings)
-    moving = result.recommended.identification[0].per_joint_filtered[[0, 1, 3]]
-    assert moving.max() < 0.5
-    estimate = result.recommended.estimate
-    assert estimate.joint_values('fs')[[0, 1, 3]] == pytest.approx(arm.coulomb[[0, 1, 3]], rel=0.05)
-    assert 'Friction' in report_html(result, ReportExtras())
 
 
 def test_validation_bags_may_be_short(arm, robot: Robot, config: ArmConfig) -> None:

@@ -62,18 +62,6 @@ def test_identified_base_parameters_are_those_that_currents_show(
     assert unscaled.max() > 20.0
 
 
-def test_a_base_parameter_is_unknown_if_a_part_is(result: IdentificationResult, arm) -> None:
-    fit, base = result.fit, result.used_base
-    truth = truth_of(arm, fit.model, np.ones(4))
-    known = {name: value for name, value in truth.parameters.items() if name != 'Ja_joint1'}
-    truth = Truth(known, truth.load_friction, truth.measured_per_true_torque)
-    unnamed = np.flatnonzero(~truth.names(fit.model))
-    assert [fit.model.columns[i] for i in unnamed] == ['Ja_joint1']
-    for values in (truth.base_values(fit, base), truth.measured_base_values(fit, base)):
-        parts = [set(text.split()) for text in base.expressions()]
-        assert np.isnan(values).tolist() == ['Ja_joint1' in part for part in parts]
-
-
 @pytest.mark.parametrize('text', ['parameters: {m_link1: 1.0}', '[1, 2]', '{'])
 def test_other_files_are_refused(tmp_path: Path, result: IdentificationResult, text: str) -> None:
     path = tmp_path / 'truth.yaml'

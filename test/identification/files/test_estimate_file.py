@@ -26,18 +26,6 @@ def parameters(result: IdentificationResult) -> dict:
     return yaml.safe_load(text)['/**']['ros__parameters']
 
 
-def test_values_survive_exactly(result: IdentificationResult, parameters: dict) -> None:
-    estimate = result.recommended.estimate
-    assert parameters['joint_names'] == list(result.robot.joint_names)
-    assert np.array_equal(parameters['inertial_parameters'], estimate.inertial.ravel())
-    assert np.array_equal(parameters['rotor_inertia'], estimate.joint_values('Ja'))
-    assert np.array_equal(parameters['friction']['coulomb'], estimate.joint_values('fs'))
-    assert parameters['viscous'] == [0.1] * 4
-    assert np.array_equal(
-        parameters['standard_deviation']['inertial_parameters'], estimate.std[:40]
-    )
-
-
 def test_lists_have_one_type(parameters: dict) -> None:
     """ROS refuses a list in which 0.0 was written as an integer."""
 

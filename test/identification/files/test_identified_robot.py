@@ -126,22 +126,6 @@ def test_a_joint_locked_in_the_middle_of_the_chain(robot: Robot) -> None:
     assert np.allclose(again, inertial, atol=1e-12)
 
 
-def test_mujoco_loads_meshes_of_packages(example_urdf: Callable[[str], Path]) -> None:
-    """With the extension that docs/reference/files.md names; pinocchio doesn't mind it."""
-    path = example_urdf('ur10_robot.urdf')
-    robot = load_robot(path)
-    text = identified_urdf(robot, heavier(robot), np.zeros(6), np.zeros(6)).text
-    folder = path.parents[1] / 'meshes' / 'ur10' / 'collision'
-    extension = (
-        f'<mujoco><compiler discardvisual="true" strippath="true" meshdir="{folder}"/></mujoco>'
-    )
-    extended = text.replace('</robot>', f'{extension}</robot>')
-    model = mujoco.MjModel.from_xml_string(extended)
-    assert model.nv == 6
-    wanted, read = heavier(robot), load_robot(extended).inertial_parameters
-    assert np.allclose(read, wanted, atol=1e-9 * np.abs(wanted).max())
-
-
 def mujoco_torque(
     model: mujoco.MjModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
 ) -> np.ndarray:
@@ -257,20 +241,3 @@ def test_load_becomes_coulomb_friction(result: IdentificationResult) -> None:
     load = np.abs(bag.links_torque(loaded.inertial.ravel())).mean(axis=0)
     assert np.argmax(more - coulomb) == np.argmax(load) == 1
     assert more[1] - coulomb[1] == pytest.approx(0.1 * load[1], rel=0.5)
-
-
-def test_load_dependent_friction_is_not_counted_twice(result: IdentificationResult) -> None:
-    """For who knows the load's share; and rounded off or not, Coulomb friction stays what it is."""
-    loaded = estimate_with(result, fv=0.1, fs=0.2, fl=0.1)
-    viscous, coulomb = equivalent_friction(loaded, result.identification, beside_load=True)
-    assert viscous == pytest.approx([0.1] * 4)
-    assert coulomb == pytest.approx([0.2] * 4)
-    terms = [JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB, 0.05)]
-    robot = result.robot
-    model = JointModel.uniform(robot.joint_names, robot.link_names, tuple(terms))
-    own = [0.1 if term.kind is TermKind.VISCOUS else 0.2 for _, term in model.joint_columns]
-    theta = np.concatenate([robot.inertial_parameters.ravel(), own])
-    rounded = Estimate('test', model, theta)
-    viscous, coulomb = equivalent_friction(rounded, result.identification, beside_load=True)
-    assert viscous == pytest.approx([0.1] * 4)
-    assert coulomb == pytest.approx([0.2] * 4)

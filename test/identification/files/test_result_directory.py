@@ -60,9 +60,3 @@ def test_impossible_places_are_noticed_at_once(tmp_path: Path) -> None:
     for target in (file, file / 'below', Path('/proc/none/result')):
         with pytest.raises(IdentificationError, match='--out'), ResultDirectory(target):
             pytest.fail('nothing should be computed')
-
-
-def test_json_without_meaning_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match='JSON'), ResultDirectory(tmp_path / 'r') as directory:
-        directory.write_json('x.json', float('nan'))
-    assert not list(tmp_path.iterdir())

@@ -44,18 +44,6 @@ def test_named_models_are_fitted_as_they_are(result: IdentificationResult, name:
     assert comparisons == []
 
 
-def test_models_are_combined(result: IdentificationResult) -> None:
-    terms = friction_terms('load+stribeck+asymmetric')
-    assert len(set(terms)) == len(terms)
-    kinds = {TermKind.LOAD, TermKind.STRIBECK, TermKind.FORWARD, TermKind.BACKWARD}
-    assert kinds <= {term.kind for term in terms}
-    name = 'load+stribeck+asymmetric'
-    fit, _ = choose_model(result.robot, result.identification, result.cad, name)
-    assert fit.model.terms == (terms,) * 4
-    # Under-excited columns are held by their prior: nothing blows up.
-    assert np.all(np.abs(fit.theta) < 10.0)
-
-
 def test_dahl_friction_replaces_the_step_of_all_dry_friction() -> None:
     terms = friction_terms('load+dahl')
     dry = [term for term in terms if term.kind in (TermKind.COULOMB, TermKind.LOAD)]

@@ -145,14 +145,6 @@ def test_a_locked_joint_rests(states) -> None:
     assert recording_from_states('bag', held, JOINTS[:3], mapping).q.shape[1] == 3
 
 
-def test_a_gap_is_placed_in_the_whole_bag(states) -> None:
-    stamp = states.stamp.copy()
-    stamp[1200:] += 0.134
-    text = r'bag has no joint states for 0.144 s at 11.99 s of the bag \(11.35 s of the used part'
-    with pytest.raises(IdentificationError, match=text):
-        recording_from_states('bag', replace(states, stamp=stamp), JOINTS, AS_IS)
-
-
 @pytest.mark.parametrize(
     ('facts', 'states', 'said'),
     [
@@ -165,13 +157,6 @@ def test_many_missed_cycles_are_warned_of(facts: BagFacts, states: int, said: st
     (warning,) = facts.warnings('bag', states)
     assert warning.startswith(said)
     assert 'config/parameters_spi.yaml' in warning
-
-
-@pytest.mark.parametrize(
-    ('facts', 'states'), [(BagFacts('', 0, 10), 990), (BagFacts('', 100), 900), (BagFacts(''), 0)]
-)
-def test_a_cycle_in_a_hundred_does_no_harm(facts: BagFacts, states: int) -> None:
-    assert not facts.warnings('bag', states)
 
 
 TIME = 100.0 + 0.01 * np.arange(2000)

@@ -153,11 +153,6 @@ def test_spikes_are_bridged() -> None:
     assert np.abs(bridged - sound).max() < 1.0
 
 
-def test_a_torque_that_jumps_often_has_no_spikes() -> None:
-    tau = np.where(np.arange(len(TIME)) % 50 == 0, 50.0, 0.1 * np.sin(TIME[:, 0]))[:, None]
-    assert without_spikes('bag', ELBOW, tau)[1] == []
-
-
 def test_an_effort_held_at_its_limit_is_saturated() -> None:
     tau = np.clip(noisy_torque(), -10.0, 3.0)
     mask, (text,) = saturated_effort('bag', ELBOW, ANGLE, tau)

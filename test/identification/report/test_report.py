@@ -14,12 +14,9 @@ from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.report.report_figures import friction_figure
-from aerarm_ros.identification.report.report_tables import (
-    base_parameter_table,
-    joint_error_table,
-    parameter_table,
-)
+from aerarm_ros.identification.report.report_tables import base_parameter_table, parameter_table
 from aerarm_ros.identification.truth import Truth, inertial_torque_errors
+from aerarm_ros.pages.plots import StackedFigure
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
 VOID = {'meta', 'link', 'br', 'img', 'hr', 'input', 'wbr'}
@@ -108,14 +105,6 @@ def test_the_report_contains_tables_and_figures(html: str, result: Identificatio
         assert expression in page.texts
 
 
-def test_the_table_per_joint_shows_the_main_solvers_and_folds_the_others(
-    result: IdentificationResult,
-) -> None:
-    shown, _, folded = joint_error_table(result).partition('<details>')
-    assert shown.count('<tr') == 1 + 2 * 3  # of each bag sdp filtered and raw, and CAD
-    assert folded.count('<tr') == 1 + 2 * (3 * len(result.solutions) - 3)
-
-
 def test_friction_curves_have_the_data_behind_them(result: IdentificationResult) -> None:
     traces = friction_figure(result).traces
     model = result.recommended.estimate
@@ -141,15 +130,6 @@ def test_missing_true_values_are_a_dash(result: IdentificationResult, extras: Re
             assert row.count('–') == expected
 
 
-def test_parameters_known_only_in_sums_are_marked(result: IdentificationResult) -> None:
-    """Joint 1 turns about one axis: link 1's inertia about it and the rotor's are one number."""
-    rows = {r.split('>')[1]: r for r in parameter_table(result, None).split('<tr><td')[1:]}
-    shared = [name for name in result.fit.model.columns if 'in a sum' in rows[f'{name}</td']]
-    assert shared == list(result.only_in_sums)
-    assert {'Izz_link1', 'Ja_joint1'} <= set(shared)
-    assert not {'fv_joint1', 'fs_joint3'} & set(shared)
-
-
 @pytest.mark.skipif(CHROMIUM is None, reason='chromium is not installed: apt install chromium')
 def test_a_real_browser_draws_every_figure(html: str, tmp_path: Path) -> None:
     page = tmp_path / 'report.html'
@@ -172,3 +152,11 @@ def test_a_real_browser_draws_every_figure(html: str, tmp_path: Path) -> None:
     assert len(re.findall(r'class="js-line"', body)) == 5 * (2 * (3 + 1) + 2)
     for joint in ('joint1', 'joint4'):
         assert f'{joint} [Nm]' in body
+
+
+def test_strings_cannot_leave_the_script() -> None:
+    figure = StackedFigure(('</script><img src=x>',), 'Nm')
+    figure.add(0, np.zeros(2), np.zeros(2), '</script>', 'residual')
+    html = figure.html('x')
+    assert html.count('</script>') == 1
+    assert '<img' not in html
