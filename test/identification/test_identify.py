@@ -9,7 +9,6 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification import identify as identification
-from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
@@ -89,21 +88,6 @@ def test_a_dead_sensor_leaves_the_other_joints_identified(
     assert entry['per_joint_raw'][3] is None
     assert result.recommended.estimate.physically_consistent
     assert "Plotly.newPlot('friction'" in report_html(result, ReportExtras()).replace('"', "'")
-
-
-def test_validation_bags_may_be_short(arm, robot: Robot, config: ArmConfig) -> None:
-    """A second and a half says little of a model, but as much as it can."""
-    other = arm.recording(2, noise=1.0)
-    middle = 12.0 / other.duration
-    short = other.part(middle, middle + 1.5 / other.duration, ' [short]')
-    first = arm.recording(1, noise=1.0)
-    result = identified(robot, config, first, [short], 'coulomb')
-    (found,) = result.recommended.validation
-    assert found.filtered < 3.0
-    assert result.validation[0].samples.kept.sum() > 20
-    tiny = other.part(middle, middle + 0.2 / other.duration, ' [tiny]')
-    with pytest.raises(IdentificationError, match=r'too short to be filtered'):
-        identified(robot, config, first, [tiny], 'coulomb')
 
 
 def test_rows_count_by_one_over_their_noise(

@@ -1,6 +1,7 @@
 """Comparison with the true parameters of a simulated arm."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_identified_base_parameters_are_those_that_currents_show(
     """Other torque constants than stated are no error of the estimate."""
     arm, gains = make_arm(), np.array([1.02, 0.98, 1.01, 0.99])
     states = arm.states(1, noise=1.0)
-    states.effort = states.effort * gains
+    states = replace(states, effort=states.effort * gains)
     recording = recording_from_states('bag', states, robot.joint_names, JointMapping({}))
     options = IdentificationOptions(friction='coulomb')
     found = identify(robot, config, [recording], [], options, Stopwatch())

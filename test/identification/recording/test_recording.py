@@ -10,7 +10,6 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import (
     BagFacts,
     JointMapping,
-    commanded_span,
     moving_span,
     recording_from_states,
     running_span,
@@ -185,15 +184,6 @@ def test_the_liveliest_run_is_used() -> None:
     )
     assert running_span(TIME, q, modes[2:]) == (slice(0, 1550), 'arm_mode running')
     assert running_span(TIME, q, modes[:1]) == (slice(0, 2000), 'arm_mode running')
-
-
-def test_commands_tell_when_the_arm_followed() -> None:
-    q = positions((300, 500, 0.1), (900, 1500, 1.0))
-    commands = np.concatenate([TIME[250:550], TIME[850:1600]])
-    span = commanded_span(TIME, q, commands)
-    assert span == (slice(850, 1600), 'joint_command, the longest of 2 motions')
-    assert commanded_span(TIME, q, commands[:1]) is None
-    assert commanded_span(TIME, q, TIME[-1] + 1.0 + 0.01 * np.arange(50)) is None
 
 
 def test_rest_before_and_after_a_motion_is_left_out() -> None:

@@ -1,7 +1,6 @@
 """The interface for programs: arrays or bags as input, an identified arm with errors as output."""
 
 import json
-from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,8 +11,7 @@ from identifier_process import measured, motion, write_bag
 import aerarm_ros
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identify import IdentificationOptions
-from aerarm_ros.identification.joint_model import TermKind
-from aerarm_ros.ros.library.identification import IdentifiedArm, IdentifiedModel
+from aerarm_ros.ros.library.identification import IdentifiedArm
 
 OPTIONS = IdentificationOptions(friction='coulomb')
 
@@ -70,21 +68,6 @@ def test_its_torque_is_that_of_the_assessment(arm: IdentifiedArm) -> None:
     with pytest.raises(ValueError, match=r'\(3,\): pass arrays of shape \(4,\) or \(M, 4\)'):
         arm.torque(samples.q[7], samples.dq[7], samples.ddq[7][:3])
     assert len(repr(arm.errors)) < 300
-
-
-def test_friction_builds_up_only_along_a_motion(arm: IdentifiedArm) -> None:
-    """Rows are independent by default: a friction curve at one posture has both signs."""
-    terms = tuple(
-        tuple(replace(t, distance=0.01) if t.kind is TermKind.COULOMB else t for t in own)
-        for own in arm.estimate.model.terms
-    )
-    elastic = replace(arm.estimate, model=replace(arm.estimate.model, terms=terms))
-    model = IdentifiedModel(arm.result.robot, elastic)
-    curve = np.zeros((5, 4)), np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(4), np.zeros((5, 4))
-    assert np.allclose(model.torque(*curve), arm.torque(*curve))
-    friction = arm.estimate.joint_values('fs')
-    along = model.torque(*curve, is_motion=True)
-    assert np.allclose(model.torque(*curve)[-1] - along[-1], 2.0 * friction)
 
 
 def test_the_result_is_saved_as_by_the_identifier(arm: IdentifiedArm, tmp_path: Path) -> None:
