@@ -177,6 +177,7 @@ DQ = OMEGA * np.cos(np.outer(T, OMEGA)) * [1.0, 0.1]
 
 @pytest.mark.parametrize('noise', [0.0, 0.02])
 def test_the_fastest_joint_decides(noise: float) -> None:
+    assert motion_band(np.zeros((100, 2)), None, DT) > 0.0  # at rest
     dq = DQ + noise * np.random.default_rng(0).standard_normal(DQ.shape)
     assert motion_band(Q, dq, DT) == pytest.approx(0.8, abs=0.1)
     assert motion_band(Q, None, DT) == pytest.approx(0.8, abs=0.1)

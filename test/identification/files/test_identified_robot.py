@@ -241,3 +241,10 @@ def test_load_becomes_coulomb_friction(result: IdentificationResult) -> None:
     load = np.abs(bag.links_torque(loaded.inertial.ravel())).mean(axis=0)
     assert np.argmax(more - coulomb) == np.argmax(load) == 1
     assert more[1] - coulomb[1] == pytest.approx(0.1 * load[1], rel=0.5)
+
+
+def test_physically_impossible_parameters_are_reported(robot: Robot) -> None:
+    inertial = robot.inertial_parameters.copy()
+    inertial[2, 4] = -1.0
+    written = identified_urdf(robot, inertial, np.zeros(4), np.zeros(4))
+    assert 'link link3 is NOT PHYSICALLY CONSISTENT' in written.warnings[0]

@@ -60,3 +60,13 @@ def test_impossible_places_are_noticed_at_once(tmp_path: Path) -> None:
     for target in (file, file / 'below', Path('/proc/none/result')):
         with pytest.raises(IdentificationError, match='--out'), ResultDirectory(target):
             pytest.fail('nothing should be computed')
+
+
+def test_other_peoples_files_are_safe(tmp_path: Path) -> None:
+    (tmp_path / 'thesis.tex').write_text('years of work')
+    with (
+        pytest.raises(IdentificationError, match='contains other files'),
+        ResultDirectory(tmp_path),
+    ):
+        pytest.fail('nothing should be computed')
+    assert (tmp_path / 'thesis.tex').exists()

@@ -197,3 +197,10 @@ def test_the_chosen_cutoff_predicts_faster_motion(panda: Robot) -> None:
     assert errors[0].filtered < 1.1 * errors[1].filtered
     assert errors[0].raw < 1.1 * errors[1].raw
     assert errors[0].raw < 0.5 * errors[2].raw
+
+
+def test_of_a_long_recording_a_part_decides_and_all_is_used(
+    make_arm: Callable, robot: Robot
+) -> None:
+    recording = make_arm(rate=100.0).recording(1, periods=8)
+    assert choice_for(recording, robot).bags[0].samples.recorded == 8_000

@@ -194,3 +194,17 @@ def test_rest_before_and_after_a_motion_is_left_out() -> None:
     assert part.stop == pytest.approx(1400 + 50, abs=15)
     assert moving_span(TIME, positions((0, 2000, 1.0))) == (slice(0, 2000), 'whole bag')
     assert moving_span(TIME, np.zeros((2000, 2))) == (slice(0, 2000), 'whole bag')
+
+
+def test_too_few_messages(states) -> None:
+    few = {f: getattr(states, f)[:9] for f in ('stamp', 'position', 'velocity', 'effort')}
+    with pytest.raises(IdentificationError, match='only 9 joint states, too few'):
+        recording_from_states('bag', replace(states, **few), JOINTS, AS_IS)
+
+
+def test_a_prefix_is_taken_off(states) -> None:
+    prefixed = replace(states, names=tuple(f'left_{name}' for name in states.names))
+    recording = recording_from_states('bag', prefixed, JOINTS, JointMapping({}, prefix='left_'))
+    assert recording.joint_names == JOINTS
+    with pytest.raises(IdentificationError, match='not in .*, which has left_joint1.*--tf-pre'):
+        recording_from_states('bag', prefixed, JOINTS, AS_IS)
