@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +13,10 @@ from aerarm_ros.description.arm_config import ArmConfig, DriveTrain, load_arm_co
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.draft.arm_draft import ArmDraft
-from aerarm_ros.draft.draft_text import MARK, arm_text, excitation_text
+from aerarm_ros.draft.draft_text import arm_text, excitation_text
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.settings import load_excitation_config
-from aerarm_ros.excitation.trajectory_designer import DesignSpecification, TrajectoryDesigner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.identify import IdentificationOptions
 from aerarm_ros.model.dynamics import Dynamics
@@ -80,18 +79,6 @@ def test_limits_are_those_of_the_urdf_and_everything_else_is_marked(
         assert load_excitation_config(file) == draft.excitation
 
 
-def test_every_mark_stands_at_a_value_that_the_head_explains(drafts: dict[str, ArmDraft]) -> None:
-    text = arm_text(drafts['three_joints'], 'three_joints.urdf')
-    explained = ' '.join(line for line in text.splitlines() if line.startswith('#'))
-    marked = {line.split(':')[0].strip(' -') for line in text.splitlines() if MARK in line}
-    for key in marked - {'mode'}:
-        assert key in explained, key
-    guessed = drafts['three_joints'].guesses[0] - {'position_min', 'position_max'}
-    assert {'position_min', 'coulomb'} <= marked  # of a joint without limits
-    assert guessed <= marked
-    assert not {'velocity_max', 'effort_max', 'name'} & marked
-
-
 @pytest.mark.parametrize('name', ['three_joints', 'ur5', 'panda', 'aerarm'])
 def test_the_drafted_loop_is_damped_in_every_posture(
     name: str, drafts: dict[str, ArmDraft], robots: dict[str, Robot]
@@ -129,13 +116,6 @@ def test_the_drafted_home_configuration_is_free_of_collisions_and_easy_to_hold(
         assert np.all(np.abs(load) < 0.25 * config.column('effort_max')), name
 
 
-def test_an_arm_that_hangs_has_no_ground(robots: dict[str, Robot]) -> None:
-    hanging = ArmDraft(robots['three_joints'].with_gravity([0.0, 0.0, 9.81]))
-    assert hanging.excitation.ground_height is None
-    assert hanging.config.gravity_in_base == (0.0, 0.0, 9.81)
-    assert hanging.problem == ''
-
-
 @pytest.mark.parametrize(
     ('old', 'new', 'message'),
     [
@@ -165,20 +145,6 @@ def test_values_missing_in_the_urdf_are_guessed_and_marked() -> None:
     assert 'effort_max' in draft.guesses[1]
     load = Dynamics(load_robot(text)).gravity(np.array([0.0, math.pi / 2, 0.0]))[1]
     assert draft.config.joints[1].effort_max > 2.0 * abs(load)
-
-
-def test_fields_that_a_urdf_may_say_are_fields(drafts: dict[str, ArmDraft]) -> None:
-    names = {field.name for field in fields(drafts['ur5'].config.joints[0])}
-    assert all(guesses < names for guesses in drafts['ur5'].guesses)
-
-
-def test_a_trajectory_is_designed_for_the_ur5(robots: dict[str, Robot]) -> None:
-    surroundings = load_excitation_config(resource('config', 'examples', 'ur5_excitation.yaml'))
-    setup = ExcitationSetup.of_arm(robots['ur5'], shipped('ur5'), surroundings)
-    designer = TrajectoryDesigner(DesignSpecification(setup, 0.2, 1, amplitude=0.2, seed=3))
-    found = designer.initial(0, lambda: False)
-    assert np.isfinite(found.quality.condition_number)
-    found.report.require('the UR5')
 
 
 def test_three_joints_are_identified_from_their_designed_motion(robots: dict[str, Robot]) -> None:

@@ -18,17 +18,7 @@ from aerarm_ros.identification.recording.recording import (
     Recording,
     recording_from_states,
 )
-
-
-@dataclass
-class States:
-    """Joint states as a bag reader returns them."""
-
-    names: tuple[str, ...]
-    stamp: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
+from aerarm_ros.identification.recording.table_file import TableStates
 
 
 @dataclass
@@ -73,14 +63,14 @@ class SimulatedArm:
         dry = self.coulomb + self.load * np.abs(links)
         return links + self.rotor * ddq + self.viscous * dq + dry * np.sign(dq)
 
-    def states(self, seed: int, noise: float = 0.0, **motion: float) -> States:
+    def states(self, seed: int, noise: float = 0.0, **motion: float) -> TableStates:
         t, q, dq, ddq = self.motion(seed, **motion)
         tau = self.torque(q, dq, ddq)
         random = np.random.default_rng(1000 + seed)
         dq = dq + noise * 0.01 * random.standard_normal(q.shape)
         q = q + noise * 2e-5 * random.standard_normal(q.shape)
         tau = tau + noise * 0.05 * random.standard_normal(q.shape)
-        return States(self.robot.joint_names, 1000.0 + t, q, dq, tau)
+        return TableStates(self.robot.joint_names, 1000.0 + t, q, dq, tau)
 
     def recording(self, seed: int, noise: float = 0.0, **motion: float) -> Recording:
         states = self.states(seed, noise, **motion)

@@ -9,7 +9,6 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification import identify as identification
-from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
@@ -59,15 +58,6 @@ def test_noisy_data_are_explained_within_their_standard_deviations(
     assert 0.3 < np.sqrt(np.mean(normalised**2)) < 2.5
 
 
-def test_identified_beats_cad_and_is_physical(result: IdentificationResult) -> None:
-    cad, sdp = result.solutions['cad'], result.recommended
-    assert sdp.estimate.physically_consistent
-    assert sdp.estimate.min_pseudo_inertia_eigenvalue > 0.0
-    assert sdp.validation[0].filtered < 0.2 * cad.validation[0].filtered
-    assert np.all(sdp.estimate.std > 0.0)
-    assert np.all((sdp.estimate.determined >= 0.0) & (sdp.estimate.determined <= 1.0))
-
-
 def test_load_dependent_friction_is_chosen_and_measured(
     make_arm: Callable, robot: Robot, config: ArmConfig
 ) -> None:
@@ -80,17 +70,6 @@ def test_load_dependent_friction_is_chosen_and_measured(
     errors = [r.recommended.validation[0].filtered for r in (automatic, plain)]
     assert errors[0] < 0.7 * errors[1]
     assert automatic.comparisons
-
-
-def test_a_bag_without_velocities_does_as_well(
-    arm, robot: Robot, config: ArmConfig, result: IdentificationResult
-) -> None:
-    bag = replace(arm.recording(1, noise=1.0), dq=None)
-    without = identified(robot, config, bag, [], 'coulomb')
-    assert without.filter_choice.kinematics.from_position
-    assert without.recommended.identification[0].filtered < 1.2 * (
-        result.recommended.identification[0].filtered + 0.1
-    )
 
 
 def test_a_dead_sensor_leaves_the_other_joints_identified(
@@ -109,54 +88,6 @@ def test_a_dead_sensor_leaves_the_other_joints_identified(
     assert entry['per_joint_raw'][3] is None
     assert result.recommended.estimate.physically_consistent
     assert "Plotly.newPlot('friction'" in report_html(result, ReportExtras()).replace('"', "'")
-
-
-def test_same_input_same_bits(arm, robot: Robot, config: ArmConfig) -> None:
-    bag = arm.recording(1, noise=1.0)
-    first, second = (identified(robot, config, bag, [], 'auto') for _ in range(2))
-    assert first.fit.model == second.fit.model
-    for name, solution in first.solutions.items():
-        assert np.array_equal(solution.estimate.theta, second.solutions[name].estimate.theta)
-
-
-def test_too_little_motion_is_refused(arm, robot: Robot, config: ArmConfig) -> None:
-    bag = arm.recording(1)
-    short = bag.part(0.4, 0.4 + 1.5 / bag.duration, '')
-    with pytest.raises(IdentificationError, match='too short'):
-        identified(robot, config, short, [], 'coulomb')
-
-
-def test_joints_at_rest_are_reported_and_the_rest_identified(
-    make_arm: Callable, robot: Robot, config: ArmConfig
-) -> None:
-    arm = make_arm()
-    bag = arm.recording(1)
-    t, q, dq, ddq = arm.motion(1)
-    q[:, 2] = q[0, 2]
-    dq[:, 2] = ddq[:, 2] = 0.0
-    still = replace(bag, time=t, q=q, dq=dq, tau=arm.torque(q, dq, ddq))
-    result = identified(robot, config, still, [], 'coulomb')
-    assert any('identifies only' in text for text in result.warnings)
-    moving = result.recommended.identification[0].per_joint_filtered[[0, 1, 3]]
-    assert moving.max() < 0.5
-    estimate = result.recommended.estimate
-    assert estimate.joint_values('fs')[[0, 1, 3]] == pytest.approx(arm.coulomb[[0, 1, 3]], rel=0.05)
-    assert 'Friction' in report_html(result, ReportExtras())
-
-
-def test_validation_bags_may_be_short(arm, robot: Robot, config: ArmConfig) -> None:
-    """A second and a half says little of a model, but as much as it can."""
-    other = arm.recording(2, noise=1.0)
-    middle = 12.0 / other.duration
-    short = other.part(middle, middle + 1.5 / other.duration, ' [short]')
-    first = arm.recording(1, noise=1.0)
-    result = identified(robot, config, first, [short], 'coulomb')
-    (found,) = result.recommended.validation
-    assert found.filtered < 3.0
-    assert result.validation[0].samples.kept.sum() > 20
-    tiny = other.part(middle, middle + 0.2 / other.duration, ' [tiny]')
-    with pytest.raises(IdentificationError, match=r'too short to be filtered'):
-        identified(robot, config, first, [tiny], 'coulomb')
 
 
 def test_rows_count_by_one_over_their_noise(

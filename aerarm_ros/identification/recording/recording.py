@@ -74,22 +74,6 @@ class BagFacts:
         ]
 
 
-@dataclass(frozen=True, eq=False)
-class DesiredVelocity:
-    """Commanded joint velocities of a bag.
-
-    Attributes
-    ----------
-    time : (K,) ndarray
-        Increasing time [s] since the bag's start.
-    dq : (K, n) ndarray
-        Commanded joint velocities [rad/s].
-    """
-
-    time: Array
-    dq: Array
-
-
 RUNNING = 'running'
 """Mode in which the bridge follows commands."""
 

@@ -2,56 +2,22 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING
 
 from aerarm_ros.identification.files.summary import ExportError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
+from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.report import report_figures as figures
 from aerarm_ros.identification.report import report_tables as tables
 from aerarm_ros.identification.solvers.estimate import SOLVERS
-from aerarm_ros.pages.html_text import (
-    Html,
-    bullets,
-    folded,
-    markup,
-    origin,
-    page,
-    paragraph,
-    section,
-)
+from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section
 from aerarm_ros.pages.plots import plotting_script
 
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
     from aerarm_ros.identification.truth import InertialTorqueError, Truth
-
-_NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
-
-
-def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
-    """Return an HTML list of warnings; warnings of one kind are folded into one entry.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of joints, links and bags; warnings of one kind differ only in these names.
-    """
-    longest_first = sorted((re.escape(name) for name in names if name), key=len, reverse=True)
-    name = re.compile('|'.join(longest_first)) if longest_first else None
-    kinds: dict[str, list[str]] = {}
-    for text in warnings:
-        kind = name.sub('@', text) if name else text
-        kinds.setdefault(_NUMBER.sub('#', kind), []).append(text)
-    items = []
-    for texts in kinds.values():
-        more = folded(f'{len(texts) - 1} similar warnings', bullets(texts[1:])) if texts[1:] else ''
-        items.append(Html(markup(texts[0]) + more))
-    return bullets(items, 'warnings')
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +26,6 @@ class ReportExtras:
 
     Attributes
     ----------
-    desired : mapping
-        Commanded velocities by bag name.
     truth : Truth or None
         True parameters of a simulated arm.
     truth_errors : sequence of InertialTorqueError
@@ -74,7 +38,6 @@ class ReportExtras:
         Torque errors of each exported file.
     """
 
-    desired: Mapping[str, DesiredVelocity] = field(default_factory=dict)
     truth: Truth | None = None
     truth_errors: Sequence[InertialTorqueError] = ()
     payload: Payload | None = None
@@ -93,9 +56,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
     robot = result.robot
     body = [paragraph(_headline(result), 'lead')]
     if result.warnings:
-        names = [*robot.joint_names, *robot.link_names]
-        names += [bag.samples.name for bag in (*result.identification, *result.validation)]
-        body.append(grouped_warnings(result.warnings, names))
+        body.append(bullets(result.warnings, 'warnings'))
     body += [
         section('Torque errors', paragraph(_metric(result), 'note'), tables.error_table(result)),
         section('Torque errors per joint', tables.joint_error_table(result)),
@@ -260,14 +221,10 @@ def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
             figures.Curve(predicted, 'predicted, sdp', 'predicted'),
         ]
         left = [figures.Curve(tau - predicted, 'residual of sdp', 'residual')]
-        velocities = figures.velocity_curves(bag, extras.desired.get(assessment.bag))
-        over_time = partial(figures.time_figure, result, bag)
-        spectrum = figures.spectrum_figure(result, bag, predicted)
-        for what, name, figure in (
-            ('measured and predicted torque', 'tau', over_time('Nm', torques)),
-            ('residual over time', 'residual', over_time('Nm', left)),
-            ('spectrum of the residual', 'spectrum', spectrum),
-            ('velocities', 'dq', over_time('rad/s', velocities)),
+        for what, name, curves in (
+            ('measured and predicted torque', 'tau', torques),
+            ('residual over time', 'residual', left),
         ):
+            figure = figures.time_figure(result, bag, 'Nm', curves)
             parts.append(section(f'{title}: {what}', figure.html(f'{name}-{index}')))
     return parts

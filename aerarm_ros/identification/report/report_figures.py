@@ -7,12 +7,9 @@ import numpy as np
 
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.joint_model import NOT_FRICTION, JointTerm
-from aerarm_ros.identification.recording.recording import DesiredVelocity
 from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.plots import MOST_POINTS, StackedFigure
-
-_SEGMENTS = 4  # number of disjoint segments in a motion
 
 
 class Curve(NamedTuple):
@@ -22,32 +19,6 @@ class Curve(NamedTuple):
     name: str
     role: str
     dash: str = 'solid'
-
-
-def amplitude_density(values: Array, dt: float) -> tuple[Array, Array]:
-    """Return frequencies and amplitude spectral density, averaged over segments (Welch).
-
-    Parameters
-    ----------
-    values : (M,) ndarray
-        Evenly sampled values; M at least 8.
-    dt : float
-        Sampling time [s].
-
-    Returns
-    -------
-    frequency, density : (K,) ndarray
-        Frequency [Hz], and density [unit/sqrt(Hz)]; its squared integral is the variance.
-    """
-    # Local import, because scipy.signal takes longer to import than the rest of this module.
-    from scipy.signal import welch
-
-    length = max(8, len(values) // _SEGMENTS)
-    frequency, power = welch(
-        values - values.mean(), 1.0 / dt, nperseg=length, noverlap=length - length // 2,
-        detrend=False,
-    )  # fmt: skip
-    return np.asarray(frequency), np.asarray(np.sqrt(power))
 
 
 _CURVE = 201  # number of points of a friction curve, odd because dry friction jumps in the middle
@@ -79,37 +50,6 @@ def time_figure(
         for values, name, role, dash in curves:
             figure.add(joint, bag.samples.time[kept], values[kept, joint], name, role, dash)
     return figure
-
-
-def spectrum_figure(
-    result: IdentificationResult, bag: SampleColumns, predicted: Array
-) -> StackedFigure:
-    """Return a figure of the spectra of measured torque and its residual."""
-    figure = StackedFigure(
-        result.robot.joint_names, 'Nm/√Hz', 'frequency [Hz]', True, points(result)
-    )
-    samples, kept = bag.samples, bag.samples.kept
-    dt = float(np.median(np.diff(samples.time)))
-    below = 1.5 * result.conditioner.cutoff
-    for joint in range(result.robot.n):
-        tau = samples.tau[kept, joint]
-        for values, name, role in (
-            (tau, 'measured, filtered', 'measured'),
-            (tau - predicted[kept, joint], 'residual of sdp', 'residual'),
-        ):
-            frequency, density = amplitude_density(values, dt)
-            shown = (frequency > 0.0) & (frequency < below)
-            figure.add(joint, frequency[shown], density[shown], name, role)
-    return figure
-
-
-def velocity_curves(bag: SampleColumns, desired: DesiredVelocity | None) -> list[Curve]:
-    """Return curves of measured and, if known, commanded velocity."""
-    curves = [Curve(bag.samples.dq, 'measured', 'measured')]
-    if desired is not None:
-        columns = [np.interp(bag.samples.time, desired.time, column) for column in desired.dq.T]
-        curves.append(Curve(np.column_stack(columns), 'desired', 'predicted'))
-    return curves
 
 
 def friction_figure(result: IdentificationResult) -> StackedFigure:

@@ -8,19 +8,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from aerarm_msgs_py.bags.bag_reader import (
-    BagContents,
-    JointStateSeries,
-    lost_messages,
-    read_contents,
-)
+from aerarm_msgs_py.bags.bag_reader import BagContents, lost_messages, read_contents
 from aerarm_msgs_py.storage.read_limits import BagError, BagWarning, ReadLimits
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import (
     BagFacts,
-    DesiredVelocity,
     JointMapping,
     Recording,
     commanded_span,
@@ -36,16 +28,14 @@ from aerarm_ros.identification.recording.table_file import (
 
 _COMMAND, _MODE, _DIAGNOSTICS = 'joint_command', 'arm_mode', 'diagnostics'
 _MAX_STATES = 2_000_000  # messages per bag, 33 min at 1 kHz, because memory is limited
-_MAX_DESIRED = 20_000  # commands per bag, for the figures
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedBag:
-    """Content of one bag: joint states, facts about their completeness, and desired velocities."""
+    """Content of one bag: joint states, and facts about their completeness."""
 
     recording: Recording
     facts: BagFacts
-    desired: DesiredVelocity | None
 
 
 class IdentifierBags:
@@ -139,15 +129,13 @@ class IdentifierBags:
             self._commanded(contents),
             self._whole,
         )
-        commands = contents.joint_states.get(self._in_namespace(_COMMAND))
         facts = BagFacts(
             recording.span.text if recording.span else 'whole bag',
             lost_messages(states.sequence),
             contents.missed_cycles,
         )
         self.messages += facts.warnings(name, len(states) + contents.left_out)
-        desired = None if commands is None else self._velocities(commands, recording)
-        return RecordedBag(recording, facts, desired)
+        return RecordedBag(recording, facts)
 
     def _read_table(self, path: Path, name: str) -> RecordedBag:
         states = read_table(path, self._joint_names, self._table)
@@ -155,7 +143,7 @@ class IdentifierBags:
             name, states, self._joint_names, self._mapping, whole=self._whole
         )
         used = recording.span.text if recording.span else 'whole table'
-        return RecordedBag(recording, BagFacts(used, columns=states.columns), None)
+        return RecordedBag(recording, BagFacts(used, columns=states.columns))
 
     def _in_namespace(self, topic: str) -> str:
         return f'{self._topic.rpartition("/")[0]}/{topic}'
@@ -169,20 +157,6 @@ class IdentifierBags:
         if span is None and commands is not None:
             span = commanded_span(states.stamp, states.position, commands.stamp)
         return span
-
-    def _velocities(
-        self, commands: JointStateSeries, recording: Recording
-    ) -> DesiredVelocity | None:
-        names = [self._mapping.own_name(name) for name in commands.names]
-        if any(joint not in names for joint in self._joint_names):
-            return None
-        dq = commands.velocity[:, [names.index(joint) for joint in self._joint_names]]
-        time, first = np.unique(commands.stamp - recording.start, return_index=True)
-        given = np.isfinite(dq[first]).all(axis=1)
-        if given.sum() < 2:
-            return None
-        thinned = np.flatnonzero(given)[:: -(-int(given.sum()) // _MAX_DESIRED)]
-        return DesiredVelocity(time[thinned], dq[first[thinned]])
 
 
 def bag_names(paths: Sequence[Path]) -> dict[Path, str]:

@@ -338,9 +338,7 @@ class IdentifierRun:
         directory.write_json(MARKER, summary)
 
     def _extras(self, result: IdentificationResult) -> ReportExtras:
-        bags = self._arm.read.items()
-        desired = {name: bag.desired for name, bag in bags if bag.desired is not None}
-        extras = ReportExtras(desired, facts=self._arm.facts(), exports=export_errors(result))
+        extras = ReportExtras(facts=self._arm.facts(), exports=export_errors(result))
         if self._options.truth is None:
             return extras
         from aerarm_ros.identification.truth import inertial_torque_errors, load_truth

@@ -20,18 +20,6 @@ def test_a_joint_of_which_nothing_was_measured_does_not_count() -> None:
     assert np.array_equal(np.isnan(per_joint), [False, True])
 
 
-def test_assessments_are_those_of_the_predictions(result: IdentificationResult) -> None:
-    for solution in result.solutions.values():
-        (assessment,) = solution.validation
-        (bag,) = result.validation
-        kept = bag.samples.kept
-        expected, _ = torque_errors(bag.samples.tau[kept], assessment.prediction.filtered[kept])
-        assert assessment.filtered == expected
-        assert assessment.raw > assessment.filtered  # the noise cannot be predicted
-        quoted, _ = torque_errors(bag.samples.tau[kept], assessment.prediction.raw[kept])
-        assert assessment.filtered_measured == quoted
-
-
 def test_a_similar_motion_is_no_extrapolation(result: IdentificationResult) -> None:
     identification, validation = result.demands
     assert (identification.bag, validation.bag) == ('bag1', 'bag2')

@@ -80,20 +80,6 @@ def test_correct_data_cause_no_warning(warnings: Callable[[Change], list[str]]) 
     assert not [text for text in warnings(lambda same: same) if 'a simple model leaves' in text]
 
 
-def test_a_urdf_without_friction_suggests_no_effort_factor(
-    make_arm: Callable, robot: Robot, config: ArmConfig
-) -> None:
-    """Joint 1 turns about gravity, slowly: the drawing asks for next to no torque of it."""
-    arm = make_arm(rate=100.0, friction=10.0)
-    recording = arm.recording(1, noise=1.0)
-    options = IdentificationOptions(friction='coulomb')
-    found = identify(robot, None, [recording], [], options, Stopwatch())
-    assert found.solutions['cad'].identification[0].per_joint_filtered[0] > 80.0
-    assert 'times the modelled torque' not in ' '.join(found.warnings)
-    friction = found.solutions['cad_friction'].identification[0].filtered
-    assert friction < 0.5 * found.solutions['cad'].identification[0].filtered
-
-
 @pytest.fixture(scope='module')
 def of_factors(make_arm: Callable, robot: Robot, config: ArmConfig) -> Callable[..., str]:
     """Return a function that identifies from torques times factors, and returns the warnings."""

@@ -1,6 +1,7 @@
 """Comparison with the true parameters of a simulated arm."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,18 +25,6 @@ def truth_file(tmp_path: Path, robot, config) -> Path:
     return path
 
 
-def test_the_boards_file_is_understood(
-    truth_file: Path, result: IdentificationResult, robot, config
-) -> None:
-    model = result.fit.model
-    truth = load_truth(truth_file, model)
-    plant = PlantParameters.nominal(config, robot).perturbed(3)
-    theta = truth.vector(model)
-    assert np.allclose(theta[:40].reshape(4, 10), plant.inertial_parameters)
-    assert np.allclose(Estimate('', model, theta).joint_values('Ja'), plant.rotor_inertia)
-    assert truth.parameters['fv_joint2'] == pytest.approx(plant.viscous[1])
-
-
 def test_error_is_zero_for_the_truth_as_currents_show_it(
     truth_file: Path, result: IdentificationResult
 ) -> None:
@@ -50,21 +39,6 @@ def test_error_is_zero_for_the_truth_as_currents_show_it(
     assert 0.0 < error.total < off.max()
 
 
-def test_identification_comes_closer_than_cad(
-    make_arm: Callable, result: IdentificationResult, tmp_path: Path
-) -> None:
-    arm = make_arm()
-    names = result.fit.model.columns
-    values = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
-    path = tmp_path / 'truth.yaml'
-    path.write_text(yaml.safe_dump({'parameters': dict(zip(names, values.tolist(), strict=True))}))
-    truth = load_truth(path, result.fit.model)
-    estimates = [solution.estimate for solution in result.solutions.values()]
-    errors = inertial_torque_errors(truth, estimates, result.validation)
-    total = {error.solver: error.total for error in errors}
-    assert total['sdp'] < 0.5 < 3.0 < total['cad']
-
-
 def truth_of(arm, model, gains: np.ndarray) -> Truth:
     values = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
     return Truth(dict(zip(model.columns, values, strict=True)), np.zeros(4), gains)
@@ -76,7 +50,7 @@ def test_identified_base_parameters_are_those_that_currents_show(
     """Other torque constants than stated are no error of the estimate."""
     arm, gains = make_arm(), np.array([1.02, 0.98, 1.01, 0.99])
     states = arm.states(1, noise=1.0)
-    states.effort = states.effort * gains
+    states = replace(states, effort=states.effort * gains)
     recording = recording_from_states('bag', states, robot.joint_names, JointMapping({}))
     options = IdentificationOptions(friction='coulomb')
     found = identify(robot, config, [recording], [], options, Stopwatch())
@@ -89,22 +63,7 @@ def test_identified_base_parameters_are_those_that_currents_show(
     assert unscaled.max() > 20.0
 
 
-def test_a_base_parameter_is_unknown_if_a_part_is(result: IdentificationResult, arm) -> None:
-    fit, base = result.fit, result.used_base
-    truth = truth_of(arm, fit.model, np.ones(4))
-    known = {name: value for name, value in truth.parameters.items() if name != 'Ja_joint1'}
-    truth = Truth(known, truth.load_friction, truth.measured_per_true_torque)
-    unnamed = np.flatnonzero(~truth.names(fit.model))
-    assert [fit.model.columns[i] for i in unnamed] == ['Ja_joint1']
-    for values in (truth.base_values(fit, base), truth.measured_base_values(fit, base)):
-        parts = [set(text.split()) for text in base.expressions()]
-        assert np.isnan(values).tolist() == ['Ja_joint1' in part for part in parts]
-
-
-@pytest.mark.parametrize(
-    'text',
-    ['parameters: {m_link1: 1.0}', '[1, 2]', 'parameters: 3', '{', 'parameters: {m_link1: heavy}'],
-)
+@pytest.mark.parametrize('text', ['parameters: {m_link1: 1.0}', '[1, 2]', '{'])
 def test_other_files_are_refused(tmp_path: Path, result: IdentificationResult, text: str) -> None:
     path = tmp_path / 'truth.yaml'
     path.write_text(text)

@@ -48,32 +48,6 @@ def test_rectangular_windows_pass_the_known_harmonics_only() -> None:
     assert np.allclose(smooth(wanted + unwanted), wanted, atol=1e-12)
 
 
-@pytest.mark.parametrize(('count', 'settling'), [(1200, None), (1203, 0.3), (1200, 0.3)])
-def test_decimation_picks_samples_of_the_filtered_signal(
-    count: int, settling: float | None
-) -> None:
-    smooth = SpectralFilter(count, DT, low_pass_gain(2.0), 12, settling)
-    signal = noise(count)
-    assert np.allclose(smooth(signal), smooth(signal, decimate=False)[::12], atol=1e-8)
-
-
-def test_all_harmonics_of_whole_periods_are_their_mean() -> None:
-    """Windows at every harmonic average the periods of a motion: noise falls by their root."""
-    periods, length, dt = 4, 50, 0.01
-    signal = np.random.default_rng(0).normal(size=(periods * length, 2))
-    comb = SpectralFilter(periods * length, dt, harmonic_gain(1.0 / (length * dt), length // 2))
-    mean = signal.reshape(periods, length, 2).mean(axis=0)
-    assert comb(signal) == pytest.approx(np.tile(mean, (periods, 1)), abs=1e-12)
-
-
-def test_straight_lines_pass_up_to_their_ends() -> None:
-    """The continuation by point reflection keeps value and slope."""
-    line = np.linspace(-3.0, 5.0, 900)
-    smooth = SpectralFilter(900, DT, low_pass_gain(4.0), settling=1.0)
-    assert np.allclose(smooth(line), line, atol=1e-12)
-    assert np.allclose(smooth(line, derivative=1), 8.0 / (899 * DT))
-
-
 @pytest.mark.parametrize('count', [7, 20, 97])
 def test_short_signals_are_filtered_too(count: int) -> None:
     filtered = SpectralFilter(count, DT, low_pass_gain(20.0), 3, settling=10.0)(noise(count))

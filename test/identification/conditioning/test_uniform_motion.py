@@ -65,21 +65,6 @@ def test_period_and_harmonics_are_found(
     assert count_harmonics(dq[inside], periods) == harmonics
 
 
-def test_a_round_frequency_is_met_exactly(make_arm: Callable) -> None:
-    t, q, _, _ = make_arm(rate=100.0).motion(1)
-    part = find_periodic_part(t, q)
-    assert part is not None
-    assert part.fundamental == 0.1
-
-
-def test_a_recording_of_nothing_but_periods(make_arm: Callable) -> None:
-    t, q, _, _ = make_arm(rate=100.0).motion(1, periods=3)
-    inside = slice(300, 3300)  # without the last sample, which would be the first again
-    part = find_periodic_part(t[inside], q[inside])
-    assert part is not None
-    assert (part.start, part.periods) == (pytest.approx(3.0), 3)
-
-
 def test_one_period_is_found_if_its_frequency_is_known(make_arm: Callable) -> None:
     t, q, _, _ = make_arm(rate=100.0).motion(4, periods=1)
     assert find_periodic_part(t, q) is None
@@ -104,8 +89,3 @@ def test_wandering_is_not_periodic(seed: int) -> None:
     t = np.arange(0.0, 30.0, 0.02)
     q = np.cumsum(np.cumsum(random.standard_normal((len(t), 3)), axis=0), axis=0) * 1e-3
     assert find_periodic_part(t, q) is None
-
-
-def test_a_chirp_is_not_periodic() -> None:
-    t = np.arange(0.0, 30.0, 0.02)
-    assert find_periodic_part(t, np.sin(0.5 * t + 0.05 * t**2)[:, None]) is None

@@ -26,18 +26,6 @@ def parameters(result: IdentificationResult) -> dict:
     return yaml.safe_load(text)['/**']['ros__parameters']
 
 
-def test_values_survive_exactly(result: IdentificationResult, parameters: dict) -> None:
-    estimate = result.recommended.estimate
-    assert parameters['joint_names'] == list(result.robot.joint_names)
-    assert np.array_equal(parameters['inertial_parameters'], estimate.inertial.ravel())
-    assert np.array_equal(parameters['rotor_inertia'], estimate.joint_values('Ja'))
-    assert np.array_equal(parameters['friction']['coulomb'], estimate.joint_values('fs'))
-    assert parameters['viscous'] == [0.1] * 4
-    assert np.array_equal(
-        parameters['standard_deviation']['inertial_parameters'], estimate.std[:40]
-    )
-
-
 def test_lists_have_one_type(parameters: dict) -> None:
     """ROS refuses a list in which 0.0 was written as an integer."""
 
@@ -89,29 +77,16 @@ def test_gravity_is_that_of_the_estimate(
         estimated_arm(file, robot.gravity_in_base)
 
 
-@pytest.mark.parametrize(
-    ('distance', 'width', 'words'),
-    [
-        ('.nan', 0.0, 'coulomb_distance of joint2 .* is nan rad: use a finite'),
-        ('-0.01', 0.0, 'coulomb_distance of joint2 .* is -0.01 rad: use a finite'),
-        ('.inf', 0.0, 'coulomb_distance of joint2 .* is inf rad: use a finite'),
-        ('0.01', 0.02, 'coulomb_distance and coulomb_width of joint2 .* both set'),
-    ],
-)
+@pytest.mark.parametrize(('distance', 'words'), [('.nan', 'is nan rad'), ('0.01', 'both set')])
 def test_impossible_distances_are_refused(
-    result: IdentificationResult,
-    robot: Robot,
-    tmp_path: Path,
-    distance: str,
-    width: float,
-    words: str,
+    result: IdentificationResult, robot: Robot, tmp_path: Path, distance: str, words: str
 ) -> None:
     file = tmp_path / 'estimate.yaml'
     text = estimate_yaml(result, result.recommended.estimate, NOTHING, NOTHING)
     text = re.sub(r'coulomb_distance: .*', f'coulomb_distance: [0.0, {distance}, 0.0, 0.0]', text)
-    text = re.sub(r'coulomb_width: .*', f'coulomb_width: [0.0, {width}, 0.0, 0.0]', text)
+    text = re.sub(r'coulomb_width: .*', 'coulomb_width: [0.0, 0.02, 0.0, 0.0]', text)
     file.write_text(text)
-    with pytest.raises(IdentificationError, match=words):
+    with pytest.raises(IdentificationError, match=f'of joint2 .* {words}'):
         read_estimate(file, robot)
 
 

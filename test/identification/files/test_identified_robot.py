@@ -2,7 +2,6 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -127,22 +126,6 @@ def test_a_joint_locked_in_the_middle_of_the_chain(robot: Robot) -> None:
     assert np.allclose(again, inertial, atol=1e-12)
 
 
-def test_mujoco_loads_meshes_of_packages(example_urdf: Callable[[str], Path]) -> None:
-    """With the extension that docs/reference/files.md names; pinocchio doesn't mind it."""
-    path = example_urdf('ur10_robot.urdf')
-    robot = load_robot(path)
-    text = identified_urdf(robot, heavier(robot), np.zeros(6), np.zeros(6)).text
-    folder = path.parents[1] / 'meshes' / 'ur10' / 'collision'
-    extension = (
-        f'<mujoco><compiler discardvisual="true" strippath="true" meshdir="{folder}"/></mujoco>'
-    )
-    extended = text.replace('</robot>', f'{extension}</robot>')
-    model = mujoco.MjModel.from_xml_string(extended)
-    assert model.nv == 6
-    wanted, read = heavier(robot), load_robot(extended).inertial_parameters
-    assert np.allclose(read, wanted, atol=1e-9 * np.abs(wanted).max())
-
-
 def mujoco_torque(
     model: mujoco.MjModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
 ) -> np.ndarray:
@@ -177,19 +160,6 @@ def test_mujoco_and_pinocchio_need_the_same_torque(
         assert mujoco_torque(model, q, dq, ddq) == pytest.approx(
             dynamics.inverse(q, dq, ddq), abs=1e-9
         )
-
-
-def test_directions_and_limits_survive(robot: Robot) -> None:
-    nothing = np.zeros(robot.n)
-    text = identified_mjcf(robot, robot.inertial_parameters, nothing, nothing, nothing)
-    model = mujoco.MjModel.from_xml_string(text)
-    assert model.opt.gravity == pytest.approx(robot.gravity_in_base)
-    for joint in range(robot.n):
-        limits = robot.position_min[joint], robot.position_max[joint]
-        if np.isfinite(limits).all():
-            assert model.jnt_range[joint] == pytest.approx(limits)
-        else:
-            assert not model.jnt_limited[joint]
 
 
 DRAKE_ROTOR = '{drake.mit.edu}rotor_inertia'
@@ -273,28 +243,8 @@ def test_load_becomes_coulomb_friction(result: IdentificationResult) -> None:
     assert more[1] - coulomb[1] == pytest.approx(0.1 * load[1], rel=0.5)
 
 
-def test_load_dependent_friction_is_not_counted_twice(result: IdentificationResult) -> None:
-    """For who knows the load's share; and rounded off or not, Coulomb friction stays what it is."""
-    loaded = estimate_with(result, fv=0.1, fs=0.2, fl=0.1)
-    viscous, coulomb = equivalent_friction(loaded, result.identification, beside_load=True)
-    assert viscous == pytest.approx([0.1] * 4)
-    assert coulomb == pytest.approx([0.2] * 4)
-    terms = [JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB, 0.05)]
-    robot = result.robot
-    model = JointModel.uniform(robot.joint_names, robot.link_names, tuple(terms))
-    own = [0.1 if term.kind is TermKind.VISCOUS else 0.2 for _, term in model.joint_columns]
-    theta = np.concatenate([robot.inertial_parameters.ravel(), own])
-    rounded = Estimate('test', model, theta)
-    viscous, coulomb = equivalent_friction(rounded, result.identification, beside_load=True)
-    assert viscous == pytest.approx([0.1] * 4)
-    assert coulomb == pytest.approx([0.2] * 4)
-
-
-def test_never_negative(result: IdentificationResult, make_arm: Callable) -> None:
-    creep = JointTerm(TermKind.CREEP, 0.3)
-    robot = result.robot
-    model = JointModel.uniform(robot.joint_names, robot.link_names, (creep,))
-    theta = np.concatenate([robot.inertial_parameters.ravel(), np.ones(4)])
-    estimate = replace(result.recommended.estimate, model=model, theta=theta)
-    for values in equivalent_friction(estimate, result.identification):
-        assert np.all(values >= 0.0)
+def test_physically_impossible_parameters_are_reported(robot: Robot) -> None:
+    inertial = robot.inertial_parameters.copy()
+    inertial[2, 4] = -1.0
+    written = identified_urdf(robot, inertial, np.zeros(4), np.zeros(4))
+    assert 'link link3 is NOT PHYSICALLY CONSISTENT' in written.warnings[0]

@@ -62,7 +62,11 @@ def test_impossible_places_are_noticed_at_once(tmp_path: Path) -> None:
             pytest.fail('nothing should be computed')
 
 
-def test_json_without_meaning_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match='JSON'), ResultDirectory(tmp_path / 'r') as directory:
-        directory.write_json('x.json', float('nan'))
-    assert not list(tmp_path.iterdir())
+def test_other_peoples_files_are_safe(tmp_path: Path) -> None:
+    (tmp_path / 'thesis.tex').write_text('years of work')
+    with (
+        pytest.raises(IdentificationError, match='contains other files'),
+        ResultDirectory(tmp_path),
+    ):
+        pytest.fail('nothing should be computed')
+    assert (tmp_path / 'thesis.tex').exists()

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
-import yaml
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
@@ -32,12 +30,8 @@ def test_keys_and_values(result: IdentificationResult) -> None:
     for solver in summary['solvers'].values():
         for role, bag in (('identification', 'bag1'), ('validation', 'bag2')):
             (entry,) = solver[role]
-            assert entry['bag'] == bag
-            assert entry['filtered'] > 0.0
-            assert entry['filtered'] < entry['filtered_measured'] < entry['raw']
-            assert len(entry['per_joint_filtered']) == 4
-        assert isinstance(solver['physically_consistent'], bool)
-        assert isinstance(solver['min_pseudo_inertia_eigenvalue'], float)
+            assert (entry['bag'], len(entry['per_joint_filtered'])) == (bag, 4)
+            assert 0.0 < entry['filtered'] < entry['filtered_measured'] < entry['raw']
     assert summary['gravity']['tilt'] == 0.0
     assert summary['gravity']['stated'] == summary['gravity']['used']
     assert {trial['cutoff'] for trial in summary['conditioning']['trials']} > {5.0}
@@ -89,28 +83,6 @@ def test_the_whole_model_comes_back_in_one_line(
     assert model.torque(*motion) == pytest.approx(expected, rel=1e-9, abs=1e-9)
     sdp = loaded.recommended.validation[0]
     assert stated['estimate.yaml whole'].filtered[-1] == pytest.approx(sdp.filtered)
-
-
-def test_pinocchio_reads_the_urdf_as_stated(
-    loaded: IdentificationResult, folder: Path, stated: dict[str, ExportError]
-) -> None:
-    model = pin.buildModelFromUrdf(str(folder / 'identified.urdf'))
-    data = model.createData()
-
-    def torque(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        dry = model.upperDryFrictionLimit if hasattr(model, 'upperDryFrictionLimit') else None
-        friction = model.friction if dry is None else dry
-        links = pin.rnea(model, data, q, dq, ddq)
-        return links + model.damping * dq + np.asarray(friction) * np.sign(dq)
-
-    found = error_of(loaded, torque)
-    assert stated['identified.urdf Pinocchio'].filtered[-1] == pytest.approx(found, abs=_STEPS)
-    values = yaml.safe_load((folder / 'estimate.yaml').read_text())['/**']['ros__parameters']
-    model.armature[:] = values['rotor_inertia']
-    model.gravity.linear = np.array(values['gravity_in_base'])
-    assert error_of(loaded, torque) == pytest.approx(
-        stated['identified.xml MuJoCo'].filtered[-1], abs=_STEPS
-    )
 
 
 def test_mujoco_reads_the_mjcf_as_stated(

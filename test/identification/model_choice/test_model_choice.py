@@ -29,7 +29,6 @@ from aerarm_ros.identification.model_choice.model_choice import (
     candidate_terms,
     choose_model,
     friction_terms,
-    select_terms,
 )
 from aerarm_ros.identification.regression.model_fit import RegressionBank
 from aerarm_ros.identification.regression.regression import SampleColumns
@@ -42,18 +41,6 @@ def test_named_models_are_fitted_as_they_are(result: IdentificationResult, name:
     fit, comparisons = choose_model(result.robot, result.identification, result.cad, name)
     assert fit.model.terms == (FRICTION_MODELS[name],) * 4
     assert comparisons == []
-
-
-def test_models_are_combined(result: IdentificationResult) -> None:
-    terms = friction_terms('load+stribeck+asymmetric')
-    assert len(set(terms)) == len(terms)
-    kinds = {TermKind.LOAD, TermKind.STRIBECK, TermKind.FORWARD, TermKind.BACKWARD}
-    assert kinds <= {term.kind for term in terms}
-    name = 'load+stribeck+asymmetric'
-    fit, _ = choose_model(result.robot, result.identification, result.cad, name)
-    assert fit.model.terms == (terms,) * 4
-    # Under-excited columns are held by their prior: nothing blows up.
-    assert np.all(np.abs(fit.theta) < 10.0)
 
 
 def test_dahl_friction_replaces_the_step_of_all_dry_friction() -> None:
@@ -124,21 +111,6 @@ def test_score_is_that_of_five_separate_fits(
     together = validation.score_variants([START] * 4, 2, variants)
     alone = [validation.score([START, START, variant, START]) for variant in variants]
     assert np.allclose(together, alone)
-
-
-@pytest.mark.parametrize('load', [0.0, 0.06])
-def test_load_dependent_friction_is_found_where_it_is(
-    make_arm: Callable, robot: Robot, cad: ArmParameters, load: float
-) -> None:
-    """Joint 2 carries the arm: only there does the load change much."""
-    validation = validation_of(bank_of(make_arm(load=load), robot), cad)
-    chosen, comparisons = select_terms(validation, [START] * 4)
-    kinds = {term.kind for term in chosen[1]}
-    assert (TermKind.LOAD in kinds) == (load > 0.0)
-    assert comparisons
-    assert all(TermKind.COULOMB in {t.kind for t in own} for own in chosen)
-    # Nothing is added to a model that is complete.
-    assert load or sum(len(own) - len(START) for own in chosen) <= 1
 
 
 def test_friction_that_builds_up_is_noticed_and_predicted(

@@ -8,8 +8,7 @@ import pytest
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
-from aerarm_ros.identification.conditioning.uniform_motion import BLOCKS
-from aerarm_ros.identification.model_choice.simple_fit import SimpleFit, block_sums, standard_errors
+from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
 from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 
@@ -56,20 +55,3 @@ def test_the_coefficient_of_shared_columns_is_estimated(bag: SampleColumns, cad)
     finally:
         samples.tau[:] -= added
     assert fit.theta[10 * samples.n] == pytest.approx(0.2, abs=0.01)
-
-
-def test_blocks_of_each_bag_are_summed_over_joints_and_unknown_ones_left_out() -> None:
-    block = np.array([0, 0, 1])
-    residual = np.array([[1.0, 2.0], [3.0, np.nan], [np.nan, 4.0]])
-    sums = block_sums([block, block], [residual, 2.0 * residual]).sum(axis=1)
-    assert sums[[0, 1, BLOCKS, BLOCKS + 1]] == pytest.approx([14.0, 16.0, 56.0, 64.0])
-    assert len(sums) == 2 * BLOCKS
-    only = np.array([[True, False], [False, False], [False, True]])
-    assert block_sums([block], [residual], [only])[:2] == pytest.approx(np.diag([1.0, 16.0]))
-
-
-def test_a_steady_difference_is_many_standard_errors() -> None:
-    random = np.random.default_rng(0).standard_normal(25)
-    assert standard_errors(random - random.mean() + 1.0) > 3.0
-    assert abs(standard_errors(random - random.mean())) < 1e-9
-    assert standard_errors(np.zeros(25)) == 0.0

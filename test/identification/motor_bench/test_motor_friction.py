@@ -4,12 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motor_data import COULOMB, GRAVITY, INERTIA, LOAD, VISCOUS, step, steps
+from motor_data import COULOMB, GRAVITY, LOAD, VISCOUS, step, steps, swings
 
 from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.motor_bench.motor_backlash import (
+    fit_backlash,
+    is_largest,
+    is_significant,
+)
 from aerarm_ros.identification.motor_bench.motor_friction import (
     BOARD,
     VOLTAGE,
+    MotorFriction,
     MotorResistance,
     MotorRun,
     MotorSupply,
@@ -46,14 +52,6 @@ def test_without_gravity_the_load_stays_at_its_prior() -> None:
     assert friction.load == pytest.approx(0.0, abs=0.05)
     assert friction.std[2] == pytest.approx(0.05, rel=0.05)
     assert friction.coulomb == pytest.approx(COULOMB, abs=0.005)
-
-
-def test_a_velocity_loop_that_still_settles_does_no_harm() -> None:
-    runs = steps(settling=0.1, **BARE)
-    naive = fit_motor_friction(runs, mounted=False, name='j')
-    informed = fit_motor_friction(runs, mounted=False, name='j', inertia=INERTIA)
-    assert abs(informed.viscous - VISCOUS) < 1e-5
-    assert abs(naive.viscous - VISCOUS) > 1e-4
 
 
 def test_faulty_runs_are_named() -> None:
@@ -111,14 +109,38 @@ def test_currents_that_tell_nothing_are_no_measurement() -> None:
     assert find_resistance(noise, 0.25) == MotorResistance(0.5, 0.125, BOARD)
 
 
-def test_blocks_of_a_straight_line() -> None:
-    time = 5.0 + np.arange(0.0, 1.04, 1e-3)
-    dq = 0.5 - 0.2 * (time - 5.0)
-    sine, cosine, mean_dq, ddq, tau = MotorRun(0.5, time, np.zeros_like(time), dq, 3.0 * dq).blocks(
-        0.1
+# As of `swings`.
+ROTOR, LINKS = 0.0095, 0.004
+SWING_COULOMB, SWING_GRAVITY = 0.1, (0.1, -0.02)
+
+
+def found(run: MotorRun, gravity: tuple[float, float] = SWING_GRAVITY) -> tuple[float, float]:
+    """Return what is found by who takes the links for lighter and the rotor for heavier."""
+    nothing = np.zeros(0)
+    friction = MotorFriction(
+        VISCOUS, SWING_COULOMB, LOAD, np.array(gravity), np.zeros((5, 5)), nothing, nothing
     )
-    assert len(mean_dq) == 10  # the rest of 0.04 s belongs to the last one
-    np.testing.assert_allclose(ddq, -0.2, atol=1e-9)
-    np.testing.assert_allclose(tau, 3.0 * mean_dq)
-    np.testing.assert_allclose(cosine, 1.0)
-    np.testing.assert_allclose(sine, 0.0)
+    links, rotor = 0.8 * LINKS, 1.2 * ROTOR
+    return fit_backlash([run], friction, (links, 0.2 * links), (rotor, 0.3 * rotor), 'joint')
+
+
+def test_the_backlash_is_estimated_within_a_tenth() -> None:
+    value, std = found(swings(0.02))
+    assert value == pytest.approx(0.02, rel=0.1)
+    assert abs(value - 0.02) < 3.0 * std < 0.008
+    assert not is_largest((value, std))
+
+
+def test_a_gear_without_backlash_yields_none() -> None:
+    value, std = found(swings(0.0))
+    assert not is_significant((value, std))
+    assert value + 3.0 * std < 3e-3
+
+
+def test_a_backlash_above_the_search_range_is_reported() -> None:
+    assert is_largest(found(swings(0.14, seconds=1.2)))
+
+
+def test_swings_that_are_too_short_are_refused() -> None:
+    with pytest.raises(IdentificationError, match='joint: the oscillations are shorter than 0.5 s'):
+        found(swings(0.02, seconds=0.4))

@@ -50,15 +50,6 @@ def test_friction_dissipates(kind: TermKind) -> None:
     assert term.meaning
 
 
-def test_stribeck_friction_is_that_of_low_speed() -> None:
-    stribeck = JointTerm(TermKind.STRIBECK, 0.1).basis(DQ, DDQ, None)
-    fast = np.abs(DQ) > 0.3
-    assert np.abs(stribeck[fast]).max() < 2e-4
-    assert JointTerm(TermKind.STRIBECK, 0.1).basis(np.array([1e-6, 0.1]), DDQ[:2], None) == (
-        pytest.approx([1.0, np.exp(-1.0)])
-    )
-
-
 def test_asymmetric_friction_acts_in_one_direction() -> None:
     """Both parts together are Coulomb friction."""
     forward, backward, both = (
@@ -101,14 +92,6 @@ def test_friction_that_builds_up_returns_no_more_energy_than_it_stored() -> None
     work = np.cumsum(state * np.diff(PATH, prepend=PATH[0]))
     dissipated = work - 0.5 * DISTANCE * (state**2 - 1.0)
     assert np.all(np.diff(dissipated) > -1e-9)
-
-
-def test_friction_that_has_built_up_stays_at_rest() -> None:
-    dq = np.repeat([0.0, 0.5, 0.0], 100)
-    state = friction_state(dq, dq * 1e-3, 0.01)
-    assert np.array_equal(state[:100], np.zeros(100))
-    assert state[199] == pytest.approx(1.0 - np.exp(-5.0))
-    assert np.allclose(state[200:], state[199])
 
 
 def test_a_sample_without_velocity_does_not_change_the_others() -> None:

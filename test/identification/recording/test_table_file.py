@@ -54,20 +54,6 @@ def test_columns_are_known_by_their_names(tmp_path: Path, header: str, delimiter
         np.testing.assert_allclose(found, true, atol=1e-15)
 
 
-def test_other_columns_are_ignored_and_missing_quantities_are_nan(tmp_path: Path) -> None:
-    header = 'cycle,tau1,q_desired_elbow,tau2,q2,q1'
-    path = csv(tmp_path / 'a.csv', header, T, TAU[:, 0], T, TAU[:, 1], Q[:, 1], Q[:, 0])
-    lines = path.read_text().splitlines()
-    words = ['mode', *(['running', ''] * 50)]
-    pairs = zip(lines, words, strict=False)
-    path.write_text('\n'.join(f'{line},{word}' for line, word in pairs) + '\n')
-    states = read_table(path, JOINTS, TableOptions(rate=100.0))
-    order = [states.names.index(name) for name in JOINTS]
-    np.testing.assert_allclose(states.position[:, order], Q)
-    np.testing.assert_allclose(states.stamp, T, atol=1e-12)
-    assert np.isnan(states.velocity).all()
-
-
 def test_the_columns_show_from_where_they_are_numbered(tmp_path: Path) -> None:
     aside = np.zeros_like(T)
     for first in (0, 1):

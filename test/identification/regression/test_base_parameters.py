@@ -58,16 +58,6 @@ def test_parameters_with_equal_base_parameters_give_equal_torque(robot: Robot) -
     assert np.array_equal(completed[base.dependent], other[base.dependent])
 
 
-def test_a_column_without_effect_is_dependent() -> None:
-    factor = np.diag([1.0, 0.0, 3.0])
-    base = find_base_parameters(factor, ('a', 'b', 'c'))
-    assert base.expressions() == ['a', 'c']
-    assert base.dependent.tolist() == [1]
-    nothing = find_base_parameters(np.zeros((2, 2)), ('a', 'b'))
-    assert nothing.rank == 0
-    assert nothing.condition_number == float('inf')
-
-
 @pytest.mark.parametrize('angle', [np.pi, 3.1416])
 def test_rounded_angles_add_no_base_parameters(robot: Robot, angle: float) -> None:
     """A base that is upside down by 3.1416 rad leaves gravity 7e-6 about the first axis."""
@@ -98,21 +88,6 @@ def test_correlation_time_of_an_autoregressive_process(rho: float) -> None:
     assert noise.information_weights[0] == pytest.approx(
         1.0 / (noise.std[0] * np.sqrt(noise.correlation[0]))
     )
-
-
-def test_unusable_rows_do_not_count() -> None:
-    residual = np.random.default_rng(0).standard_normal((1000, 2))
-    usable = np.ones((1000, 2), dtype=bool)
-    residual[:500, 1], usable[:500, 1] = 1e3, False
-    noise = noise_from_residuals([residual], [usable], np.ones(2))
-    assert noise.std == pytest.approx([1.0, 1.0], rel=0.1)
-
-
-def test_weights_stay_finite_without_noise_or_samples() -> None:
-    usable = np.array([[True, False]] * 50)
-    noise = noise_from_residuals([np.zeros((50, 2))], [usable], np.array([2.0, 0.0]))
-    assert np.all(np.isfinite(noise.weights))
-    assert np.all(noise.correlation == 1.0)
 
 
 def base_of(robot: Robot, moving: list[int]) -> BaseParameters:

@@ -177,17 +177,6 @@ def test_slopes_are_those_of_the_functions(problem: ThesisProblem) -> None:
     assert slopes @ direction[: 10 * problem.n] == pytest.approx(expected, rel=1e-4, abs=1e-6)
 
 
-def test_the_cost_is_the_squared_torque_error(
-    problem: ThesisProblem, result: IdentificationResult
-) -> None:
-    """At the least-squares solution the part that no parameters explain is all that is missing."""
-    regression = result.fit.regression
-    theta, cad = (result.solutions[name].estimate.theta for name in ('ols', 'cad'))
-    rise = (regression.error(cad) ** 2 - regression.error(theta) ** 2) / 1e4
-    difference = problem.cost(cad) - problem.cost(theta)
-    assert difference == pytest.approx(rise, rel=1e-3)
-
-
 def test_same_seed_same_bits(problem: ThesisProblem) -> None:
     first, second = (solve_annealing(problem, 1, sweeps=5) for _ in range(2))
     assert np.array_equal(first, second)

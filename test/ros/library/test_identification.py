@@ -1,8 +1,6 @@
 """The interface for programs: arrays or bags as input, an identified arm with errors as output."""
 
-import inspect
 import json
-from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,8 +11,7 @@ from identifier_process import measured, motion, write_bag
 import aerarm_ros
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identify import IdentificationOptions
-from aerarm_ros.identification.joint_model import TermKind
-from aerarm_ros.ros.library.identification import IdentifiedArm, IdentifiedModel
+from aerarm_ros.ros.library.identification import IdentifiedArm
 
 OPTIONS = IdentificationOptions(friction='coulomb')
 
@@ -73,31 +70,6 @@ def test_its_torque_is_that_of_the_assessment(arm: IdentifiedArm) -> None:
     assert len(repr(arm.errors)) < 300
 
 
-def test_friction_builds_up_only_along_a_motion(arm: IdentifiedArm) -> None:
-    """Rows are independent by default: a friction curve at one posture has both signs."""
-    terms = tuple(
-        tuple(replace(t, distance=0.01) if t.kind is TermKind.COULOMB else t for t in own)
-        for own in arm.estimate.model.terms
-    )
-    elastic = replace(arm.estimate, model=replace(arm.estimate.model, terms=terms))
-    model = IdentifiedModel(arm.result.robot, elastic)
-    curve = np.zeros((5, 4)), np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(4), np.zeros((5, 4))
-    assert np.allclose(model.torque(*curve), arm.torque(*curve))
-    friction = arm.estimate.joint_values('fs')
-    along = model.torque(*curve, is_motion=True)
-    assert np.allclose(model.torque(*curve)[-1] - along[-1], 2.0 * friction)
-
-
-def test_its_dynamics_are_those_identified(arm: IdentifiedArm) -> None:
-    dynamics = aerarm_ros.Dynamics(arm.robot, arm.estimate.joint_values('Ja'))
-    (bag,) = arm.result.identification
-    row = 100
-    samples, inertial = bag.samples, arm.estimate.inertial.ravel()
-    found = dynamics.inverse(samples.q[row], samples.dq[row], samples.ddq[row])
-    rotors = arm.estimate.joint_values('Ja') * samples.ddq[row]
-    assert found == pytest.approx(bag.links_torque(inertial)[row] + rotors, abs=1e-9)
-
-
 def test_the_result_is_saved_as_by_the_identifier(arm: IdentifiedArm, tmp_path: Path) -> None:
     folder = arm.save(tmp_path / 'result')
     assert sorted(path.name for path in folder.iterdir()) == [
@@ -108,18 +80,6 @@ def test_the_result_is_saved_as_by_the_identifier(arm: IdentifiedArm, tmp_path: 
         json.dumps(arm.as_dict())
     )
     assert arm.save(folder) == folder
-
-
-def test_noise_is_taken_for_no_delay(arrays: tuple[np.ndarray, ...]) -> None:
-    """One constant effort lets noise look like a delay of -1 ms in another joint."""
-    stamp, q, dq, tau = arrays
-    bag = aerarm_ros.from_arrays(stamp, q, np.where(np.arange(4) == 2, 1.0, tau), dq)
-    found = aerarm_ros.identify(bag, options=OPTIONS)
-    delay = found.result.delay
-    assert delay.found[1] < -1e-3
-    assert abs(delay.found[1]) < 2.0 * delay.deviation[1]
-    assert not delay.used.any()
-    assert found.parameters['fv_joint2'] == pytest.approx(0.01, abs=0.005)
 
 
 def test_shapes_are_checked_with_a_sentence() -> None:
@@ -143,16 +103,6 @@ def test_shapes_are_checked_with_a_sentence() -> None:
             aerarm_ros.identify(given)
     with pytest.raises(IdentificationError, match=r'load_robot\(urdf, locked='):
         aerarm_ros.identify('bag', aerarm_ros.load_robot(), lock='joint1')
-
-
-def test_signatures_are_short_and_errors_have_names() -> None:
-    offered = {name: getattr(aerarm_ros, name) for name in aerarm_ros.__all__}
-    for name, each in offered.items():
-        if not name[0].isupper() or name == 'Dynamics':
-            assert 'Union' not in str(inspect.signature(each))
-    errors = [each for name, each in offered.items() if name.endswith('Error')]
-    assert len(errors) == 5
-    assert all(issubclass(each, ValueError) for each in errors)
 
 
 def test_bags_have_distinct_names(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.energy.energy_model import EnergyModel
 from aerarm_ros.excitation.feasibility import FeasibilityReport
-from aerarm_ros.excitation.settings import ExcitationError, load_excitation_config
+from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.nodes.arm import main
 from aerarm_ros.ros.bridge.hardware_bridge import World
@@ -81,34 +81,14 @@ def _without_collision(folder: Path) -> str:
     return str(path)
 
 
-def _with_meshes(folder: Path) -> tuple[str, Path]:
-    """Return a URDF whose shapes are `package://` meshes, and the folder that holds the package."""
-    packages = folder / 'elsewhere'
-    (packages / 'shapes').mkdir(parents=True)
-    corners = '\n'.join(f'v {x} {y} {z}' for x in (0, 0.02) for y in (0, 0.02) for z in (0, 0.02))
-    faces = 'f 1 2 3\nf 2 4 3\nf 5 7 6\nf 6 7 8\nf 1 5 2\nf 3 4 7\n'
-    (packages / 'shapes' / 'cube.obj').write_text(f'{corners}\n{faces}')
-    tree = ElementTree.parse(URDF)
-    for geometry in tree.getroot().iterfind('link/collision/geometry'):
-        geometry.clear()
-        ElementTree.SubElement(geometry, 'mesh', filename='package://shapes/cube.obj')
-    path = folder / 'urdf' / 'meshes.urdf'
-    path.parent.mkdir()
-    tree.write(path)
-    return str(path), packages
-
-
-def _values(folder: Path, urdf: str, *packages: str) -> SimpleNamespace:
-    return SimpleNamespace(
+def _plan(folder: Path, urdf: str) -> FeasibilityReport:
+    values = SimpleNamespace(
         config=str(folder / 'three_joints.yaml'),
         urdf=urdf,
         tf_prefix='',
         excitation_config=str(folder / 'three_joints_excitation.yaml'),
-        package_directories=[*packages, ''],
+        package_directories=[''],
     )
-
-
-def _plan(values: SimpleNamespace) -> FeasibilityReport:
     setup = load_setup(values, *load_arm(values))
     trajectory, report = setup.random_trajectory(0.2, 0.2, 2).draw_feasible(1, setup.checker, 2.0)
     setup.planner.plan(trajectory, 1, np.array(setup.config.bias))
@@ -121,21 +101,8 @@ def test_an_arm_without_collision_shapes_is_drafted_and_moves(tmp_path: Path, ca
     printed = capsys.readouterr().out
     assert 'no moving link of the URDF has a <collision> shape' in printed
     assert 'check_clearance: false, so motions are NOT checked for collisions' in printed
-    report = _plan(_values(tmp_path, urdf))
+    report = _plan(tmp_path, urdf)
     assert 'collisions are not checked' in ' '.join(report.notes)
-
-
-def test_meshes_are_found_in_the_given_package_directory(tmp_path: Path, capsys: Any) -> None:
-    urdf, packages = _with_meshes(tmp_path)
-    folder = str(packages)
-    assert main(['init', urdf, '--out', str(tmp_path), '--package-directory', folder]) == 0
-    printed = capsys.readouterr().out
-    assert f'package_directories:=["{folder}"]' in printed
-    assert 'check_clearance' not in printed
-    values = _values(tmp_path, urdf, folder)
-    assert not [note for note in _plan(values).notes if 'not checked:' in note]
-    with pytest.raises(ExcitationError, match='package_directories'):
-        _plan(_values(tmp_path, urdf))
 
 
 def test_an_estimate_replaces_guesses(tmp_path: Path, capsys: Any) -> None:
