@@ -245,8 +245,9 @@ class ExcitationConfig:
             If `bias` does not have one value per joint.
         """
         if self.bias is None:
-            middle = 0.5 * (robot.position_min + robot.position_max)
-            return np.where(np.isfinite(middle), middle, 0.0)
+            limits = robot.position_min, robot.position_max
+            bounded = np.isfinite(limits).all(axis=0)
+            return np.asarray(0.5 * np.where(bounded, limits, 0.0).sum(axis=0))
         if len(self.bias) != robot.n:
             raise ConfigError(
                 f'excitation: bias has {len(self.bias)} values, but the robot has {robot.n} joints'
