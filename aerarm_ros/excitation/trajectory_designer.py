@@ -228,17 +228,17 @@ class TrajectoryDesigner:
             setup.robot.n,
             setup.config.ramp_time,
         )
-        self.regressor = SmoothRegressor(setup.robot)
+        self._regressor = SmoothRegressor(setup.robot)
         # Reported figures use the exact sign of the velocity, and a fine sampling rate.
         self._exact_regressor = SmoothRegressor(setup.robot, width=1e-9)
         everything = slice(None)
-        thesis_columns = self.regressor.thesis_columns
-        space = IdentifiableSpace.of_regressor(setup.robot, self.regressor, everything)
-        thesis_space = IdentifiableSpace.of_regressor(setup.robot, self.regressor, thesis_columns)
+        thesis_columns = self._regressor.thesis_columns
+        space = IdentifiableSpace.of_regressor(setup.robot, self._regressor, everything)
+        thesis_space = IdentifiableSpace.of_regressor(setup.robot, self._regressor, thesis_columns)
         self._thesis = ConditionCriterion(thesis_space, thesis_columns)
         self._scaled = ConditionCriterion(space, everything, scaled=True)
-        self.optimality = InformationCriterion(space, specification.torque_noise())
-        self._criterion = specification.criterion(self._thesis, self._scaled, self.optimality)
+        self._optimality = InformationCriterion(space, specification.torque_noise())
+        self._criterion = specification.criterion(self._thesis, self._scaled, self._optimality)
         self._problem = self._build_problem()
         self._candidates = setup.random_trajectory(
             specification.amplitude, specification.fundamental, specification.harmonics
@@ -346,18 +346,14 @@ class TrajectoryDesigner:
         time = np.arange(self._REPORT_SAMPLES) * trajectory.period / self._REPORT_SAMPLES
         return trajectory.evaluate(time)
 
-    def stacked(self, states: JointReference) -> Array:
-        """Return the regressor (M, n, p) of (M, n) states, without smoothing."""
-        return self._exact_regressor.stack(states)
-
     def quality(self, states: JointReference) -> Quality:
         """Return the quality of a trajectory, from (M, n) equally spaced states."""
-        stacked = self.stacked(states)
+        stacked = self._exact_regressor.stack(states)
         return Quality(
             self._criterion.evaluate(stacked)[0],
             self._thesis.condition_number(stacked),
             self._scaled.condition_number(stacked),
-            self.optimality.evaluate(stacked)[0],
+            self._optimality.evaluate(stacked)[0],
         )
 
     def _optimise(
@@ -417,7 +413,7 @@ class TrajectoryDesigner:
         )
         return DesignProblem(
             self._basis,
-            self.regressor,
+            self._regressor,
             self._criterion,
             DesignConstraints(limits, np.minimum(limits.effort, by_current), setup.clearance),
             prior,

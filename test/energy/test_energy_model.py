@@ -102,3 +102,10 @@ def test_upright_costs_next_to_nothing_and_stretched_out_costs_watts(model) -> N
     loss = HoldingLoss(model)
     upright = loss.watts(np.array([0.0, np.pi / 2, 0.0, 0.0]))
     assert upright < 0.01 < 1.0 < loss.watts(np.zeros(4))
+
+
+def test_the_table_adds_up(model, config) -> None:
+    balance = model.balance(MOTION)
+    last = (balance + balance).as_text(config.joint_names).splitlines()[-1].split()
+    assert last[0] == 'all'
+    assert sum(map(float, last[1:8])) == pytest.approx(float(last[8]), abs=0.01)

@@ -197,3 +197,9 @@ def test_a_centre_where_the_arm_may_not_rest_is_refused(
     elsewhere = replace(setup, config=replace(setup.config, bias=bias))
     with pytest.raises(InfeasibleError, match=message):
         elsewhere.require_bias()
+
+
+@pytest.mark.parametrize('change', [{'amplitude': 0.0}, {'harmonics': 0}, {'fundamental': np.nan}])
+def test_wrong_numbers_are_refused(candidates: RandomTrajectory, change: dict) -> None:
+    with pytest.raises(ExcitationError):
+        replace(candidates, **change)

@@ -136,10 +136,12 @@ def test_the_peaks_reach_the_limits_exactly(travel: float) -> None:
     assert used == pytest.approx(1.0, abs=1e-3)
 
 
-@pytest.mark.parametrize('duration', [0.0, -1.0, float('nan')])
-def test_duration_must_be_positive(duration: float) -> None:
-    with pytest.raises(ExcitationError, match='duration'):
-        transfer(np.zeros(4), np.ones(4), duration)
+@pytest.mark.parametrize(('end', 'duration'), [(1.0, 0.0), (1.0, np.nan), (np.inf, 1.0)])
+def test_a_transfer_has_finite_postures_and_a_positive_duration(
+    end: float, duration: float
+) -> None:
+    with pytest.raises(ExcitationError, match='duration|finite'):
+        transfer(np.zeros(4), np.full(4, end), duration)
 
 
 A, B, C = np.zeros(2), np.array([1.0, -1.0]), np.array([0.5, 0.5])

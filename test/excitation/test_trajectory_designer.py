@@ -69,7 +69,7 @@ def test_a_stop_in_the_middle_of_a_start_keeps_its_best(
     def stop() -> bool:
         nonlocal calls
         calls += 1
-        return calls > 40
+        return calls > 70
 
     start, stopped = designer.initial(0), designer.design(0, stop)
     assert stopped.report.feasible
@@ -173,3 +173,11 @@ def test_an_optimum_that_no_amplitude_repairs_still_helps(
     assert designer.design(0).report.feasible
     nearest = min(np.abs(designer._basis.coefficients(t) - begin).max() for t in tried)
     assert nearest == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(
+    'change', [{'objective': 'beauty'}, {'condition_limit': 0.5}, {'seed': -1}]
+)
+def test_wrong_specifications_are_refused(setup: ExcitationSetup, change: dict) -> None:
+    with pytest.raises(ExcitationError):
+        DesignSpecification(setup, **change)

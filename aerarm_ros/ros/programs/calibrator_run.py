@@ -82,9 +82,7 @@ def _calibrate(
         held_out.insert(0, HeldOut('held out', rest))
     length, angle = options.tolerance
     choice = CalibrationOptions(
-        options.level,
-        not options.no_compliance,
-        Tolerance(1e-3 * length, 1e-3 * angle),
+        options.level, not options.no_compliance, Tolerance(1e-3 * length, 1e-3 * angle)
     )
     result = calibrate(chain, observations, held_out, choice)
     result.messages[:0] = [text for one in training for text in one.messages]

@@ -19,7 +19,6 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.design_file import designed_file
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.parallel_design import design_all
-from aerarm_ros.excitation.preview import Preview
 from aerarm_ros.excitation.settings import (
     DesignStoppedError,
     ExcitationConfig,
@@ -235,9 +234,6 @@ class DesignRun:
             self._print(f'{NAME}: expected {compared} (geometric mean)')
         for warning in self._warnings(best, random):
             self._print(f'{NAME}: warning: {warning}')
-        if self._options.preview:
-            Preview(self._designer, best, random).write(self._options.preview)
-            self._print(f'{self._options.preview}: preview of the trajectory')
 
     def _warnings(self, best: DesignResult, random: DesignResult) -> list[str]:
         """Return warnings about the quality of the trajectory and about unchecked limits."""
@@ -300,16 +296,12 @@ class DesignRun:
     def _require_writable(self) -> None:
         """Raise ExcitationError before the long search if an output file cannot be written."""
         options = self._options
-        paths = [options.out, *filter(None, [options.preview]), *self._validation_paths.values()]
-        if len({path.absolute() for path in paths}) < len(paths):
-            raise ExcitationError('--out and --preview name the same file: pass different files')
-        for path in paths:
+        for path in (options.out, *self._validation_paths.values()):
             if path.is_dir():
                 raise ExcitationError(f'{path} is a folder: pass the name of a file')
             if path.is_file() and not options.overwrite:
                 raise ExcitationError(
-                    f'{path} already exists: name another file with '
-                    f'{"--preview" if path == options.preview else "--out"}, or pass --overwrite'
+                    f'{path} already exists: name another file with --out, or pass --overwrite'
                 )
             if not os.access(path.parent, os.W_OK):
                 raise ExcitationError(
