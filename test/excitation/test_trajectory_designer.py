@@ -9,7 +9,12 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.parallel_design import design_all
-from aerarm_ros.excitation.settings import DesignStoppedError, ExcitationConfig, InfeasibleError
+from aerarm_ros.excitation.settings import (
+    DesignStoppedError,
+    ExcitationConfig,
+    ExcitationError,
+    InfeasibleError,
+)
 from aerarm_ros.excitation.trajectory_designer import (
     SCALED,
     DesignResult,
