@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -268,13 +269,4 @@ def load_excitation_config(path: Path | str | None = None) -> ExcitationConfig:
     ConfigError
         If the file cannot be read or is invalid.
     """
-    return load(path, 'excitation.yaml', _build)
-
-
-def _build(document: dict[str, Any]) -> ExcitationConfig:
-    if 'stop_time' in document:
-        raise ConfigError(
-            'the setting stop_time is obsolete, because motions stop as fast as the limits of '
-            'the arm allow: delete the line'
-        )
-    return build(ExcitationConfig, 'top level', document)
+    return load(path, 'excitation.yaml', partial(build, ExcitationConfig, 'top level'))

@@ -36,13 +36,6 @@ def urdf(*elements: str) -> str:
 TWO_LINKS = (link('base'), link('a'), link('b'), joint('base', 'a'))
 
 
-def test_ur10_is_read_without_its_meshes(example_urdf: FindUrdf) -> None:
-    robot = load_robot(example_urdf('ur10_robot.urdf'))
-    assert robot.n == 6
-    assert robot.link_names[0] == 'shoulder_link'
-    assert robot.effort_max[0] == 330.0
-
-
 def test_panda_is_read_with_its_fingers_locked(example_urdf: FindUrdf) -> None:
     path = example_urdf('panda.urdf')
     robot = load_robot(path, locked=FINGERS)
@@ -66,11 +59,6 @@ def test_a_subset_of_joints_is_taken_in_the_order_of_the_chain() -> None:
     assert load_robot(joint_names=['joint2', 'joint4']).joint_names == ('joint2', 'joint4')
     with pytest.raises(DescriptionError, match='order from base to tool: joint2, joint4'):
         load_robot(joint_names=['joint4', 'joint2'])
-
-
-def test_the_chain_gives_the_order_whatever_the_order_in_the_file() -> None:
-    robot = load_robot(urdf(joint('a', 'b'), *TWO_LINKS))
-    assert robot.joint_names == ('a_joint', 'b_joint')
 
 
 def test_a_continuous_joint_has_one_angle_and_no_limits() -> None:

@@ -57,14 +57,6 @@ def test_is_continuous_up_to_acceleration(plan: MotionSequence) -> None:
     assert steps < 0.05
 
 
-def test_holds_two_whole_periods(plan: MotionSequence, trajectory: FourierTrajectory) -> None:
-    start = plan.boundaries[[stage.name for stage in plan.stages].index(EXCITATION)]
-    time = start + RAMP + np.linspace(0.0, 20.0, 101)
-    np.testing.assert_allclose(
-        plan.evaluate(time).q, trajectory.evaluate(np.linspace(0.0, 20.0, 101)).q, atol=1e-9
-    )
-
-
 def test_the_whole_plan_keeps_the_limits(
     plan: MotionSequence, transfer_checker: FeasibilityChecker
 ) -> None:
@@ -131,17 +123,6 @@ def test_the_same_seed_gives_the_same_trajectory(
     for field in ('q0', 'alpha', 'beta'):
         np.testing.assert_array_equal(getattr(first, field), getattr(again, field))
         assert (getattr(first, field) != getattr(other, field)).any()
-
-
-def test_a_wild_draw_is_rejected_until_it_is_feasible(
-    candidates: RandomTrajectory, checker: FeasibilityChecker
-) -> None:
-    wild = replace(candidates, amplitude=0.6)
-    first = wild.draw(np.random.default_rng(0))
-    assert not checker.check_trajectory(first, RAMP).feasible
-    trajectory, report = wild.draw_feasible(0, checker, RAMP)
-    assert report.feasible
-    assert checker.check_trajectory(trajectory, RAMP).feasible
 
 
 @pytest.mark.parametrize(

@@ -83,19 +83,6 @@ def test_a_limit_just_below_the_reached_value_is_violated(
         report.require('the run')
 
 
-def test_a_posture_too_close_to_the_ground_binds(checker: FeasibilityChecker) -> None:
-    low = FourierTrajectory(0.1, np.array([0.0, 0.1, 0.0, 0.0]), *np.full((2, 4, 1), 0.2))
-    report = checker.check_trajectory(low, RAMP, stop_early=True)
-    assert (report.binding.limit, report.feasible) == ('ground clearance', False)
-    assert 'ground' in report.binding.subject
-
-
-def test_harmonics_are_limited(checker: FeasibilityChecker, trajectory: FourierTrajectory) -> None:
-    slow = FeasibilityChecker(checker.limits, highest_frequency=0.4)
-    report = slow.check_trajectory(trajectory, RAMP, stop_early=True)
-    assert (report.binding.limit, report.feasible) == ('frequency', False)
-
-
 def test_holding_the_arm_level_takes_its_weight_times_its_lever(
     robot: Robot, setup: ExcitationSetup
 ) -> None:

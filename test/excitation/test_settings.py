@@ -33,7 +33,6 @@ def test_without_bias_the_middle_of_the_range_is_taken(robot: Robot) -> None:
         ('ramp_time: 0', 'ramp_time'),
         ('highest_frequency: 600', 'highest_frequency'),
         ('speed: 3', 'unknown key speed'),
-        ('stop_time: 0.5', 'stop_time is obsolete.*: delete the line'),
         ('unchecked_pairs: a to b', "list of 'one to other'"),
         ('unchecked_pairs: [3]', "list of 'one to other'"),
     ],
@@ -44,14 +43,6 @@ def test_errors_name_file_and_key(tmp_path: Path, line: str, message: str) -> No
     with pytest.raises(ConfigError, match=message) as caught:
         load_excitation_config(path)
     assert str(caught.value).startswith(str(path))
-
-
-def test_arm_and_urdf_agree(arm: ArmConfig, robot: Robot) -> None:
-    ours, urdf = MotionLimits.of_arm(arm), MotionLimits.of_robot(robot)
-    assert ours.joint_names == urdf.joint_names
-    for field in ('position_min', 'position_max', 'velocity', 'effort'):
-        np.testing.assert_allclose(getattr(ours, field), getattr(urdf, field), rtol=1e-3)
-    assert np.isinf(urdf.current).all()
 
 
 def test_usable_fractions_narrow_every_limit_about_the_middle(arm: ArmConfig) -> None:

@@ -159,15 +159,6 @@ def test_stages_follow_each_other() -> None:
     np.testing.assert_allclose(motion.evaluate(9.0).q, C)
 
 
-def test_many_times_agree_with_one_at_a_time() -> None:
-    motion = MotionSequence([leg('out', A, B, 1.0), leg('on', B, C, 2.0)])
-    time = np.random.default_rng(0).uniform(0.0, 3.0, 50)
-    many = motion.evaluate(time)
-    for i, t in enumerate(time):
-        for rows, row in zip(many, motion.evaluate(t), strict=True):
-            np.testing.assert_allclose(rows[i], row, atol=1e-14)
-
-
 def test_a_gap_between_stages_is_refused() -> None:
     with pytest.raises(ExcitationError, match='on does not start where out ends'):
         MotionSequence([leg('out', A, B, 1.0), leg('on', C, A, 2.0)])
