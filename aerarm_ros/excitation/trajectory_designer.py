@@ -72,7 +72,6 @@ class DesignResult:
     start : number of the random start.
     seconds : computing time [s].
     remark : reason why the trajectory is not the optimum; '' for the optimum.
-    stopped : whether the search was stopped before convergence.
     """
 
     trajectory: FourierTrajectory
@@ -81,7 +80,6 @@ class DesignResult:
     start: int
     seconds: float
     remark: str = ''
-    stopped: bool = False
 
 
 THESIS, SCALED, INFORMATION, BOTH = 'thesis', 'condition', 'd_optimal', 'both'
@@ -301,14 +299,13 @@ class TrajectoryDesigner:
             report = self._check(trajectory)
             if report.feasible:
                 remark = _explain(remark, violation)
-                result = self._result(trajectory, report, start, began, remark, stopped)
+                result = self._result(trajectory, report, start, began, remark)
                 if self.specification.betters(result.quality, initial.quality):
                     return result
             elif violation is None and not stopped:
                 violation = report.binding
         remark = _explain('the random initial trajectory is the best', violation)
-        seconds = time.monotonic() - began
-        return replace(initial, seconds=seconds, remark=remark, stopped=stopped)
+        return replace(initial, seconds=time.monotonic() - began, remark=remark)
 
     def _check(self, trajectory: FourierTrajectory) -> FeasibilityReport:
         ramp_time = self._setup.config.ramp_time
@@ -426,11 +423,10 @@ class TrajectoryDesigner:
         start: int,
         began: float,
         remark: str = '',
-        stopped: bool = False,
     ) -> DesignResult:
         seconds = time.monotonic() - began
         quality = self.quality(self.states(trajectory))
-        return DesignResult(trajectory, quality, report, start, seconds, remark, stopped)
+        return DesignResult(trajectory, quality, report, start, seconds, remark)
 
 
 def _explain(remark: str, violation: LimitMargin | None) -> str:

@@ -100,7 +100,6 @@ def test_a_search_without_time_for_a_step_blames_no_limit(designer: TrajectoryDe
 
     designer.initial(0, count)
     stopped = designer.design(0, stop)
-    assert stopped.stopped
     assert stopped.remark == 'the random initial trajectory is the best'
 
 

@@ -4,16 +4,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from aerarm_ros.excitation.design_file import TrajectoryFile
-from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDesigner
 from aerarm_ros.nodes.excitation_designer import main
-from aerarm_ros.ros.programs import design_run
 
 DESIGNER = [sys.executable, '-m', 'aerarm_ros.executables', 'excitation_designer']
 SMALL = ['--harmonics', '2', '--starts', '1', '--workers', '1', '--objective', 'condition']
@@ -87,23 +84,6 @@ def test_files_that_exist_are_replaced_on_request_only(tmp_path: Path, capsys, n
     # The trial of the folder is the same with it; the search itself is left out.
     assert main([*arguments, '--overwrite', '--time-limit', '1e-6']) == 2
     assert 'so it wrote no files' in capsys.readouterr().err
-
-
-def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatch) -> None:
-    def stopped(specification, *_) -> Iterator[DesignResult]:
-        initial = TrajectoryDesigner(specification).initial(0)
-        remark = 'the random initial trajectory is the best'
-        yield replace(initial, seconds=37.2, remark=remark, stopped=True)
-
-    monkeypatch.setattr(design_run, 'design_all', stopped)
-    assert main([*SMALL, '--out', str(tmp_path / 'best.yaml')]) == 0
-    printed = capsys.readouterr().out
-    assert (
-        'start 0 stopped after 37 s, when its part of --time-limit was over: pass a larger limit'
-        in printed
-    )
-    assert 'found no trajectory better than the random one: pass a larger --time-limit' in printed
-    assert 'exceeds' not in printed
 
 
 def test_nothing_is_written_if_a_validation_trajectory_is_infeasible(

@@ -162,7 +162,6 @@ class DesignRun:
         self._require_writable()
         self._began = time.monotonic()
         self._finished = 0
-        self._out_of_time = False
         self._progress = ProgressLine(NAME)
         setup = excitation_setup(options)
         self._specification = DesignSpecification(
@@ -214,9 +213,7 @@ class DesignRun:
                 best = outcome
                 self._save(best, options.out, self._specification)
             self._report(outcome, best, random)
-            self._out_of_time |= outcome.stopped and not self._interrupted()
         if self._finished < options.starts or self._is_over():
-            self._out_of_time |= self._finished < options.starts and not self._interrupted()
             self._print(
                 f'{NAME}: {self._why()}; the output file contains the best trajectory found until '
                 'then'
@@ -239,21 +236,16 @@ class DesignRun:
         """Return warnings about the quality of the trajectory and about unchecked limits."""
         warnings = []
         if best is random:
-            more = ': pass a larger --time-limit' if self._out_of_time else ''
-            warnings.append(f'the search found no trajectory better than the random one{more}')
+            warnings.append(
+                'the search found no trajectory better than the random one: try more starts or a '
+                'larger --time-limit'
+            )
         condition, limit = best.quality.condition_number, self._specification.condition_limit
         if self._specification.objective == BOTH and condition > limit:
-            why = (
-                'the time limit was reached: pass a larger --time-limit'
-                if self._out_of_time
-                else (
-                    f'the binding limit is {best.report.binding}. Try more starts, a larger '
-                    '--time-limit, more harmonics, or a wider binding limit'
-                )
-            )
             warnings.append(
                 f'the condition number {condition:.1f} (thesis, 5.2) exceeds its limit of '
-                f'{limit:g} (--condition-limit); {why}'
+                f'{limit:g} (--condition-limit); the binding limit is {best.report.binding}. Try '
+                'more starts, a larger --time-limit, more harmonics, or a wider binding limit'
             )
         limits = self._specification.setup.limits
         unknown = [
@@ -316,13 +308,7 @@ class DesignRun:
     def _report(self, result: DesignResult, best: DesignResult, random: DesignResult) -> None:
         compared = result.quality.compared_with(random.quality, 'the random trajectory')
         leader = 'random' if best is random else f'start {best.start}'
-        remarks = [result.remark] if result.remark else []
-        if result.stopped and not self._interrupted():
-            remarks.append(
-                f'start {result.start} stopped after {result.seconds:.0f} s, when its part of '
-                '--time-limit was over: pass a larger limit'
-            )
-        remark = f' ({"; ".join(remarks)})' if remarks else ''
+        remark = f' ({result.remark})' if result.remark else ''
         self._print(
             f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; best so far: '
             f'{leader}{remark}'
