@@ -14,8 +14,6 @@ from aerarm_ros.calibration.observations import Observations
 from aerarm_ros.pages.html_text import (
     Html,
     bullets,
-    folded,
-    number,
     origin,
     page,
     paragraph,
@@ -67,7 +65,6 @@ def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> s
         section('Residuals of postures', _posture_figure(calibration)),
         section('Choice of the model', paragraph(_CHOICE, 'note'), _candidate_table(calibration)),
         section('Estimates', paragraph(_PARAMETERS, 'note'), _estimate_table(calibration)),
-        section('Frames', _frame_table(calibration.fit)),
         section('As drawn', _as_drawn(calibration)),
     ]
     if mapping:
@@ -222,17 +219,6 @@ def _estimate_table(calibration: Calibration) -> Html:
     if not rows:
         return paragraph('All geometric errors are insignificant: the arm matches its URDF.')
     return table(['error', 'estimate', 'standard deviation', 'unit'], rows)
-
-
-def _frame_table(fit: Fit) -> Html:
-    deviations = dict(zip(fit.names, fit.deviations, strict=True))
-    rows = []
-    for source, state in zip(fit.observations.sources, fit.states, strict=True):
-        for name in source.unknowns:
-            rows.append([name, 1e3 * float(deviations[name])])
-        values = ', '.join(number(float(value), 6) for value in state)
-        rows.append([f'{source.name}, estimated position [m]', Html(values)])
-    return folded('Standard deviations [mm], [mrad]', table(['unknown', 'deviation'], rows))
 
 
 def _as_drawn(calibration: Calibration) -> Html:

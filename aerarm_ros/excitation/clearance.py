@@ -404,11 +404,6 @@ class ClearanceChecker:
             for pair in geometry.collisionPairs
         )
 
-    @property
-    def shapes(self) -> list[pin.GeometryObject]:
-        """Collision shapes, with meshes as convex hulls, and the ground if present."""
-        return list(self._geometry.geometryObjects)
-
     def distances(self, q: Array) -> Array:
         """Return the distance of each pair (pairs,) [m] at q (n,) [rad]; negative for overlap."""
         pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)

@@ -39,11 +39,6 @@ class SmoothRegressor:
         self._width = width
 
     @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the regressor's p = 13 n columns."""
-        return self._regressor.columns
-
-    @property
     def thesis_columns(self) -> slice:
         """Slice of the regressor columns of thesis (3.6), which has no rotor inertia."""
         return slice(0, 12 * self._n)
@@ -294,16 +289,3 @@ class InformationCriterion:
         by_information = -0.5 / rank * self._basis @ np.linalg.inv(matrix) @ self._basis.T
         gradient = information_gradient(weighted, by_information) / self._noise[:, np.newaxis]
         return float(-0.5 * log_determinant / rank), gradient
-
-    def standard_deviations(self, stacked: Array, samples: int) -> Array:
-        """Return Cramer-Rao lower bounds (p,) of the standard deviations of all parameters.
-
-        Parameters
-        ----------
-        stacked : regressor (M, n, p) along the trajectory.
-        samples : number of measured samples with independent noise.
-        """
-        weighted = stacked / self._noise[:, np.newaxis]
-        matrix = self._basis.T @ information(weighted) @ self._basis
-        covariance = self._basis @ np.linalg.inv(matrix) @ self._basis.T / samples
-        return np.asarray(np.sqrt(np.diag(covariance)))

@@ -115,7 +115,7 @@ class DesignConstraints:
     ) -> None:
         low, high = limits.position_min, limits.position_max
         bounded = np.isfinite(low) & np.isfinite(high)
-        self._centre = np.where(bounded, 0.5 * (low + high), 0.0)
+        self._centre = 0.5 * np.where(bounded, (low, high), 0.0).sum(axis=0)
         half_range = np.where(bounded, 0.5 * (high - low), np.inf)
         self._scales = (half_range, limits.velocity, limits.acceleration, effort)
         finite = np.isfinite(np.concatenate(self._scales))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -245,8 +246,9 @@ class ExcitationConfig:
             If `bias` does not have one value per joint.
         """
         if self.bias is None:
-            middle = 0.5 * (robot.position_min + robot.position_max)
-            return np.where(np.isfinite(middle), middle, 0.0)
+            limits = robot.position_min, robot.position_max
+            bounded = np.isfinite(limits).all(axis=0)
+            return np.asarray(0.5 * np.where(bounded, limits, 0.0).sum(axis=0))
         if len(self.bias) != robot.n:
             raise ConfigError(
                 f'excitation: bias has {len(self.bias)} values, but the robot has {robot.n} joints'
@@ -267,13 +269,4 @@ def load_excitation_config(path: Path | str | None = None) -> ExcitationConfig:
     ConfigError
         If the file cannot be read or is invalid.
     """
-    return load(path, 'excitation.yaml', _build)
-
-
-def _build(document: dict[str, Any]) -> ExcitationConfig:
-    if 'stop_time' in document:
-        raise ConfigError(
-            'the setting stop_time is obsolete, because motions stop as fast as the limits of '
-            'the arm allow: delete the line'
-        )
-    return build(ExcitationConfig, 'top level', document)
+    return load(path, 'excitation.yaml', partial(build, ExcitationConfig, 'top level'))

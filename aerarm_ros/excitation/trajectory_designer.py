@@ -72,7 +72,6 @@ class DesignResult:
     start : number of the random start.
     seconds : computing time [s].
     remark : reason why the trajectory is not the optimum; '' for the optimum.
-    stopped : whether the search was stopped before convergence.
     """
 
     trajectory: FourierTrajectory
@@ -81,7 +80,6 @@ class DesignResult:
     start: int
     seconds: float
     remark: str = ''
-    stopped: bool = False
 
 
 THESIS, SCALED, INFORMATION, BOTH = 'thesis', 'condition', 'd_optimal', 'both'
@@ -228,17 +226,17 @@ class TrajectoryDesigner:
             setup.robot.n,
             setup.config.ramp_time,
         )
-        self.regressor = SmoothRegressor(setup.robot)
+        self._regressor = SmoothRegressor(setup.robot)
         # Reported figures use the exact sign of the velocity, and a fine sampling rate.
         self._exact_regressor = SmoothRegressor(setup.robot, width=1e-9)
         everything = slice(None)
-        thesis_columns = self.regressor.thesis_columns
-        space = IdentifiableSpace.of_regressor(setup.robot, self.regressor, everything)
-        thesis_space = IdentifiableSpace.of_regressor(setup.robot, self.regressor, thesis_columns)
+        thesis_columns = self._regressor.thesis_columns
+        space = IdentifiableSpace.of_regressor(setup.robot, self._regressor, everything)
+        thesis_space = IdentifiableSpace.of_regressor(setup.robot, self._regressor, thesis_columns)
         self._thesis = ConditionCriterion(thesis_space, thesis_columns)
         self._scaled = ConditionCriterion(space, everything, scaled=True)
-        self.optimality = InformationCriterion(space, specification.torque_noise())
-        self._criterion = specification.criterion(self._thesis, self._scaled, self.optimality)
+        self._optimality = InformationCriterion(space, specification.torque_noise())
+        self._criterion = specification.criterion(self._thesis, self._scaled, self._optimality)
         self._problem = self._build_problem()
         self._candidates = setup.random_trajectory(
             specification.amplitude, specification.fundamental, specification.harmonics
@@ -301,14 +299,13 @@ class TrajectoryDesigner:
             report = self._check(trajectory)
             if report.feasible:
                 remark = _explain(remark, violation)
-                result = self._result(trajectory, report, start, began, remark, stopped)
+                result = self._result(trajectory, report, start, began, remark)
                 if self.specification.betters(result.quality, initial.quality):
                     return result
             elif violation is None and not stopped:
                 violation = report.binding
         remark = _explain('the random initial trajectory is the best', violation)
-        seconds = time.monotonic() - began
-        return replace(initial, seconds=seconds, remark=remark, stopped=stopped)
+        return replace(initial, seconds=time.monotonic() - began, remark=remark)
 
     def _check(self, trajectory: FourierTrajectory) -> FeasibilityReport:
         ramp_time = self._setup.config.ramp_time
@@ -346,18 +343,14 @@ class TrajectoryDesigner:
         time = np.arange(self._REPORT_SAMPLES) * trajectory.period / self._REPORT_SAMPLES
         return trajectory.evaluate(time)
 
-    def stacked(self, states: JointReference) -> Array:
-        """Return the regressor (M, n, p) of (M, n) states, without smoothing."""
-        return self._exact_regressor.stack(states)
-
     def quality(self, states: JointReference) -> Quality:
         """Return the quality of a trajectory, from (M, n) equally spaced states."""
-        stacked = self.stacked(states)
+        stacked = self._exact_regressor.stack(states)
         return Quality(
             self._criterion.evaluate(stacked)[0],
             self._thesis.condition_number(stacked),
             self._scaled.condition_number(stacked),
-            self.optimality.evaluate(stacked)[0],
+            self._optimality.evaluate(stacked)[0],
         )
 
     def _optimise(
@@ -417,7 +410,7 @@ class TrajectoryDesigner:
         )
         return DesignProblem(
             self._basis,
-            self.regressor,
+            self._regressor,
             self._criterion,
             DesignConstraints(limits, np.minimum(limits.effort, by_current), setup.clearance),
             prior,
@@ -430,11 +423,10 @@ class TrajectoryDesigner:
         start: int,
         began: float,
         remark: str = '',
-        stopped: bool = False,
     ) -> DesignResult:
         seconds = time.monotonic() - began
         quality = self.quality(self.states(trajectory))
-        return DesignResult(trajectory, quality, report, start, seconds, remark, stopped)
+        return DesignResult(trajectory, quality, report, start, seconds, remark)
 
 
 def _explain(remark: str, violation: LimitMargin | None) -> str:

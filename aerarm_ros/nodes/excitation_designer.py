@@ -1,6 +1,6 @@
 """Design an excitation trajectory for the `excitation` node; needs no running ROS.
 
-Usage: ros2 run aerarm_ros excitation_designer --out trajectory.yaml --preview trajectory.html
+Usage: ros2 run aerarm_ros excitation_designer --out trajectory.yaml
 """
 
 from __future__ import annotations
@@ -44,11 +44,6 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add('--out', type=Path, default=Path('trajectory.yaml'),
         help='file for the trajectory (default: %(default)s)')  # fmt: skip
     add('--overwrite', action='store_true', help='overwrite existing files')
-    add(
-        '--preview',
-        type=Path,
-        help='HTML file for a preview with plots and workspace of the trajectory',
-    )
     add('--validation', action='store_true',
         help='also write a slower and a faster random trajectory, for validation')  # fmt: skip
     objectives = '; '.join(f'{key}: {text}' for key, text in OBJECTIVES.items())

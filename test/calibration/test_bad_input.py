@@ -140,6 +140,15 @@ def test_a_source_without_measurements_is_named(good: Observations) -> None:
         calibrate(own_chain(), both, [HeldOut('other', good)])
 
 
+def test_a_fit_ignores_a_source_without_measurements_in_its_postures(good: Observations) -> None:
+    rotation = np.tile(np.eye(3), (len(good), 1, 1))
+    rotation[8:] = np.nan
+    camera = PoseSource('camera', rotation, markers(good).position[:, 0])
+    start = registered(ArmGeometry(ROBOT, LINK), replace(good, sources=(camera,)))
+    fit = fitted(start, (), start.observations.rows(range(8, 30)))
+    assert fit.repeats == 1.0 and np.isfinite(fit.length)
+
+
 def test_postures_in_which_a_joint_rests_name_the_offset_that_they_hide() -> None:
     arm = MeasuredArm(2, frames=5)
     q = arm.postures(30)

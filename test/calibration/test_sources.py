@@ -121,12 +121,6 @@ def deviations(geometry: ArmGeometry, q: np.ndarray) -> float:
     return float(np.exp(np.mean(np.log(scaled))))
 
 
-def test_too_few_allowed_postures_are_an_error() -> None:
-    geometry = ArmGeometry(ROBOT, LINK)
-    with pytest.raises(CalibrationError, match='random postures are free of collisions'):
-        choose_postures(geometry, 10, lambda q: False)
-
-
 def test_an_independent_camera_sees_the_marker_in_every_chosen_posture() -> None:
     geometry = ArmGeometry(ROBOT, LINK)
     plant = ArmPlant(ROBOT, PlantParameters.nominal(CONFIG, ROBOT))
@@ -153,5 +147,6 @@ def test_too_few_visible_postures_name_camera_and_marker(
     geometry = ArmGeometry(ROBOT, LINK)
     with pytest.raises(CalibrationError) as error:
         choose_postures(geometry, 4, lambda q: is_visible is not None, is_visible)
+    assert 'random postures are free of collisions' in str(error.value)
     advice = "the camera position and the marker's normal"
     assert (advice in str(error.value)) == (is_visible is not None)

@@ -45,12 +45,6 @@ def test_inertia_is_the_cad_column(robot: Robot, table_a1: dict[str, np.ndarray]
     assert np.allclose(robot.inertial_parameters, cad, rtol=1e-12, atol=1e-17)
 
 
-def test_frames_without_mass_are_not_bodies(robot: Robot) -> None:
-    assert robot.model.njoints == 5
-    frames = {frame.name for frame in robot.model.frames}
-    assert {'base_link', 'wrist', 'tool0'} < frames
-
-
 def test_no_links_touch_within_the_limits(robot: Robot) -> None:
     shapes = Shapes(robot)
     corners = product(*zip(robot.position_min, robot.position_max, strict=True))
@@ -89,11 +83,3 @@ def test_every_link_is_seen_as_it_collides(robot: Robot) -> None:
         }
         assert shapes['visual'] == shapes['collision']
         assert shapes['visual'] or link.get('name') in ('wrist', 'tool0')
-
-
-def test_shapes_have_names_of_their_own(robot: Robot) -> None:
-    """MuJoCo drops a name that occurs twice."""
-    root = ElementTree.fromstring(robot.urdf_text)
-    names = [shape.get('name') for shape in [*root.iter('visual'), *root.iter('collision')]]
-    assert None not in names
-    assert len(names) == len(set(names))

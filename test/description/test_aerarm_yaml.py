@@ -43,11 +43,6 @@ def test_friction_is_that_of_table_4_3_at_the_joint(config: ArmConfig) -> None:
     assert np.allclose(config.column('viscous'), motor_side / config.column('gear.ratio') ** 2)
 
 
-def test_each_board_drives_two_motors(config: ArmConfig) -> None:
-    places = [(joint.board, joint.channel) for joint in config.joints]
-    assert sorted(places) == [(0, 0), (0, 1), (1, 0), (1, 1)]
-
-
 def test_effort_limits_match_the_torque_of_the_motors(config: ArmConfig) -> None:
     strongest = config.column('torque_per_ampere') * config.column('motor.current_max')
     assert np.all(config.column('effort_max') <= strongest)

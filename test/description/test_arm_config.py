@@ -18,6 +18,7 @@ WRONG = [
     ('boards', MISSING, 'lacks the key boards'),
     ('joints', [], 'joints must be a non-empty list'),
     ('motors', [1], 'motors must be a non-empty mapping'),
+    ('joints.0', 7, r'joints\[0\] must be a mapping'),
     ('boards.0', 'spi', r'boards\[0\] must be a mapping'),
     ('joints.0.coulomb', 'x', 'coulomb must be a number'),
     ('joints.0.coulomb', True, 'must be a number'),

@@ -19,6 +19,7 @@ ARM = (1.487, [0.0, 0.0, 0.4])  # mass, and centre in the base frame: stretched 
 def test_packaged_drones_hover_with_the_arm(name: str) -> None:
     drone = load_drone_config(resource('config', *name.split('/')))
     drone.check_carries(*ARM)
+    assert drone.is_fully_actuated == ('tilted' in name)
     # Equal thrusts: only a force, along the body's z.
     wrench = drone.allocation @ np.ones(drone.n)
     np.testing.assert_allclose(wrench[[0, 1, 3, 4, 5]], 0.0, atol=1e-5)
@@ -82,6 +83,7 @@ WRONG: list[tuple[dict[str, object], str]] = [
     ({'centre_of_mass': [0, 0, 0.1]}, 'centre_of_mass at .* outside the body'),
     ({'size': [0.26, 0.26, 0]}, 'size .* must be positive'),
     ({'rotors': []}, 'rotors must be a non-empty list'),
+    ({'rotors': [1]}, r'rotors\[0\] must be a mapping'),
     ({'rotors.1.name': 'front_left'}, 'rotor front_left is listed twice'),
     ({'rotors.0.axis': [0, 0, 2]}, 'rotor front_left: axis has length 2 instead of 1'),
     ({'rotors.0.thrust_max': 0}, 'thrust_max = 0'),

@@ -64,19 +64,6 @@ def test_drone_and_arm_form_one_tree_with_the_imu_of_the_drone_file() -> None:
     np.testing.assert_allclose(place.translation, DRONE.imu.position)
 
 
-def test_every_rotor_is_drawn_across_its_axis() -> None:
-    shapes = pin.buildGeomFromUrdfString(load_robot(TEXT).model, TEXT, pin.GeometryType.VISUAL)
-    discs = [
-        shape
-        for shape in shapes.geometryObjects
-        if isinstance(shape.geometry, pin.hppfcl.Cylinder) and shape.geometry.halfLength == 0.003
-    ]
-    assert len(discs) == DRONE.n
-    for disc, rotor in zip(discs, DRONE.rotors, strict=True):
-        np.testing.assert_allclose(disc.placement.rotation[:, 2], rotor.axis, atol=1e-3)
-        np.testing.assert_allclose(disc.placement.translation, rotor.position, atol=1e-9)
-
-
 def test_a_second_drone_is_refused() -> None:
     with pytest.raises(DescriptionError, match='has a link drone'):
         with_drone(TEXT.replace('drone_imu', 'other'), DRONE)

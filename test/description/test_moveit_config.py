@@ -53,18 +53,3 @@ def test_plans_use_half_of_the_limits(what: str) -> None:
     assert all(limits[name][f'has_{what}_limits'] for name in CONFIG.joint_names)
     planned = [limits[name][f'max_{what}'] for name in CONFIG.joint_names]
     np.testing.assert_allclose(planned, 0.5 * CONFIG.column(f'{what}_max'))
-
-
-def test_plans_go_to_the_action_of_a_controller() -> None:
-    manager = read('controllers')['moveit_simple_controller_manager']
-    (name,) = manager['controller_names']
-    assert name == 'computed_torque'
-    assert manager[name]['action_ns'] == 'follow_joint_trajectory'
-    assert manager[name]['joints'] == list(CONFIG.joint_names)
-
-
-def test_the_group_has_a_planner_and_a_solver_of_positions() -> None:
-    (group,) = (group.get('name') for group in SRDF.iter('group'))
-    assert read('kinematics')[group]['position_only_ik']
-    planning = read('planning')['ompl']
-    assert set(planning[group]['planner_configs']) <= set(planning['planner_configs'])

@@ -10,13 +10,7 @@ from pathlib import Path
 import pytest
 
 from aerarm_ros.description import resources
-from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.description.drone_config import load_drone_config
-
-
-def test_a_checkout_has_the_shared_files_next_to_the_package() -> None:
-    assert resources.resource('urdf', 'aerarm.urdf').is_file()
-    assert resources.share_directory() == Path(resources.__file__).resolve().parents[2]
 
 
 def test_the_error_names_the_missing_file_and_the_existing_files() -> None:
@@ -67,15 +61,6 @@ def test_ones_own_file_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.chdir(tmp_path)
     Path('drone.yaml').touch()
     assert resources.find_file('drone.yaml') == Path('drone.yaml')
-
-
-def test_the_packaged_default_is_found_from_any_directory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path('config').mkdir()
-    Path('config', 'aerarm.yaml').touch()
-    assert config_path(None, 'aerarm.yaml') == resources.resource('config', 'aerarm.yaml')
 
 
 @pytest.mark.parametrize('name', ['nothing.yaml', '/drone.yaml', '../config/drone.yaml'])

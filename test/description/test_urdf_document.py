@@ -9,17 +9,6 @@ from aerarm_ros.description.urdf_document import UrdfDocument
 ARM = resource('urdf', 'aerarm.urdf').read_text()
 
 
-def test_joints_and_links_of_this_arm() -> None:
-    document = UrdfDocument(ARM)
-    assert {'base_link', 'link1', 'link4', 'wrist', 'tool0'} < document.links
-    joint = document.joints['joint2']
-    assert (joint.kind, joint.parent, joint.child) == ('revolute', 'link1', 'link2')
-    assert (joint.damping, joint.friction, joint.load_friction) == (2.88684e-3, 0.103, 0.0)
-    assert joint.is_driven
-    assert joint.mimics is None
-    assert not document.joints['tool0_fixed'].is_driven
-
-
 def test_continuous_joints_become_revolute_in_a_copy() -> None:
     document = UrdfDocument(ARM.replace('type="revolute"', 'type="continuous"'))
     copy = UrdfDocument(document.revolute_text())

@@ -1,10 +1,13 @@
+"""Energy balance, drive power and holding loss against their definitions."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import PowerStageConfig
-from aerarm_ros.energy.energy_model import EnergyModel
+from aerarm_ros.description.config_reader import ConfigError
+from aerarm_ros.energy.energy_model import DrivePower, EnergyModel, HoldingLoss
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 
 MOTION = PolynomialPath.rest_to_rest(
@@ -59,10 +62,50 @@ def test_a_payload_costs(model, config, robot) -> None:
     )
 
 
+TAU = np.array([2.0, -3.0, 1.0, 0.5])
+DQ = np.array([1.0, 0.5, -2.0, 0.0])
+
+
+def test_power_is_that_of_the_motors_by_current_and_speed(config) -> None:
+    """Thesis (4.1), on the motor's side of the gear."""
+    current = TAU / config.column('torque_per_ampere')
+    speed = DQ / config.column('gear.ratio')
+    copper = 1.5 * config.column('motor.resistance') * current**2
+    expected = copper + config.column('motor.torque_constant') * current * speed
+    np.testing.assert_allclose(DrivePower(config).electrical(TAU, DQ), expected)
+
+
+def test_braking_power_comes_back_as_far_as_the_power_stage_lets_it(config) -> None:
+    stage = PowerStageConfig(recovery=0.6)
+    drives = DrivePower(replace(config, power_stage=stage))
+    np.testing.assert_allclose(drives.from_supply([-2.0, 3.0]), [-1.2, 3.0])
+    assert DrivePower(config).from_supply(-2.0) == 0.0
+
+
+@pytest.mark.parametrize('wrong', [{'recovery': 1.1}, {'standby': -1.0}])
+def test_a_power_stage_that_cannot_be_is_refused(wrong) -> None:
+    with pytest.raises(ConfigError, match=f'power_stage: {next(iter(wrong))}'):
+        PowerStageConfig(**wrong)
+
+
+def test_the_gradient_is_that_of_the_loss(model) -> None:
+    loss = HoldingLoss(model)
+    rng = np.random.default_rng(3)
+    for q in rng.uniform(-1.5, 1.5, (5, 4)):
+        numeric = [
+            (loss.watts(q + step) - loss.watts(q - step)) / 2e-6 for step in 1e-6 * np.eye(4)
+        ]
+        np.testing.assert_allclose(loss.gradient(q), numeric, atol=1e-5)
+
+
+def test_upright_costs_next_to_nothing_and_stretched_out_costs_watts(model) -> None:
+    loss = HoldingLoss(model)
+    upright = loss.watts(np.array([0.0, np.pi / 2, 0.0, 0.0]))
+    assert upright < 0.01 < 1.0 < loss.watts(np.zeros(4))
+
+
 def test_the_table_adds_up(model, config) -> None:
     balance = model.balance(MOTION)
-    twice = balance + balance
-    np.testing.assert_allclose(twice.supplied, 2.0 * balance.supplied)
-    last = twice.as_text(config.joint_names).splitlines()[-1].split()
+    last = (balance + balance).as_text(config.joint_names).splitlines()[-1].split()
     assert last[0] == 'all'
     assert sum(map(float, last[1:8])) == pytest.approx(float(last[8]), abs=0.01)

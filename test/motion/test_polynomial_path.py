@@ -1,9 +1,16 @@
+"""Polynomial paths against scipy, their ends and derivatives, and the smooth step."""
+
 import numpy as np
 import pytest
 from derivatives import assert_derivatives_agree
 from scipy.interpolate import BPoly
 
-from aerarm_ros.motion.polynomial_path import PolynomialPath
+from aerarm_ros.motion.polynomial_path import (
+    PEAK_CURVATURE,
+    PEAK_SLOPE,
+    PolynomialPath,
+    smooth_step,
+)
 
 TIMES = (0.0, 0.5, 1.5, 1.8)
 
@@ -12,16 +19,6 @@ TIMES = (0.0, 0.5, 1.5, 1.8)
 def knots() -> np.ndarray:
     """Return positions, velocities and accelerations at the times, (3, 4, 2)."""
     return np.random.default_rng(0).normal(size=(3, 4, 2))
-
-
-@pytest.mark.parametrize('degree', ['cubic', 'quintic'])
-def test_passes_its_knots(knots, degree) -> None:
-    count = 2 if degree == 'cubic' else 3
-    path = getattr(PolynomialPath, degree)(TIMES, *knots[:count])
-    for index, time in enumerate(TIMES[:-1]):
-        reference = np.array(path.evaluate(time))
-        np.testing.assert_allclose(reference[:count], knots[:count, index], atol=1e-12)
-    np.testing.assert_allclose(path.evaluate(TIMES[-1]).q, knots[0, -1], atol=1e-12)
 
 
 def test_a_quintic_meets_both_boundary_states() -> None:
@@ -59,15 +56,6 @@ def test_agrees_with_scipy(knots, degree) -> None:
         np.testing.assert_allclose(rows, scipy.derivative(order)(time), atol=1e-9)
 
 
-def test_velocity_and_acceleration_are_the_derivatives(knots) -> None:
-    path = PolynomialPath.quintic(TIMES, *knots)
-    step = 1e-5
-    for time in (0.1, 0.49, 0.77, 1.6):
-        before, here, after = (path.evaluate(time + s) for s in (-step, 0.0, step))
-        np.testing.assert_allclose((after.q - before.q) / (2 * step), here.dq, rtol=1e-6)
-        np.testing.assert_allclose((after.dq - before.dq) / (2 * step), here.ddq, rtol=1e-6)
-
-
 def test_quintic_joins_without_a_step_in_acceleration(knots) -> None:
     path = PolynomialPath.quintic(TIMES, *knots)
     before, after = path.evaluate(0.5 - 1e-9), path.evaluate(0.5 + 1e-9)
@@ -83,14 +71,6 @@ def test_holds_before_and_after(knots) -> None:
         assert not reference.ddq.any()
 
 
-def test_samples_lie_on_the_path(knots) -> None:
-    path = PolynomialPath.quintic(TIMES, *knots)
-    samples = path.sample(per_segment=11)
-    assert samples.q.shape == (33, 2)
-    np.testing.assert_allclose(samples.q[5], path.evaluate(0.25).q)
-    np.testing.assert_allclose(samples.dq[16], path.evaluate(1.0).dq)
-
-
 def test_a_trapezoid_has_an_even_speed_between_two_even_accelerations() -> None:
     start, end, duration = np.array([0.2, -1.0]), np.array([1.4, 2.0]), 1.5
     path = PolynomialPath.trapezoid(start, end, duration)
@@ -100,3 +80,24 @@ def test_a_trapezoid_has_an_even_speed_between_two_even_accelerations() -> None:
     np.testing.assert_allclose(dq, [0.5 * speed, speed, 0.5 * speed])
     np.testing.assert_allclose(ddq, np.outer([1.0, 0.0, -1.0], speed / (duration / 3.0)), atol=1e-9)
     np.testing.assert_allclose(path.evaluate(duration).q, end)
+
+
+X = np.linspace(0.0, 1.0, 2001)
+
+
+def test_slope_and_integral_belong_to_the_value() -> None:
+    step = smooth_step(X)
+    np.testing.assert_allclose(np.gradient(step.value, X)[1:-1], step.slope[1:-1], atol=1e-5)
+    np.testing.assert_allclose(np.gradient(step.slope, X)[1:-1], step.curvature[1:-1], atol=1e-4)
+    np.testing.assert_allclose(np.gradient(step.integral, X)[1:-1], step.value[1:-1], atol=1e-5)
+
+
+def test_ends_are_flat_and_half_the_time_is_lost() -> None:
+    assert smooth_step(-1.0) == (0.0, 0.0, 0.0, 0.0)
+    assert smooth_step(2.0) == (1.0, 0.0, 0.5, 0.0)
+
+
+def test_peaks() -> None:
+    slope = smooth_step(X).slope
+    assert abs(slope.max() - PEAK_SLOPE) < 1e-6
+    assert abs(np.abs(np.gradient(slope, X)).max() - PEAK_CURVATURE) < 1e-3

@@ -4,32 +4,28 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from aerarm_ros.excitation.design_file import TrajectoryFile
-from aerarm_ros.excitation.trajectory_designer import DesignResult, TrajectoryDesigner
 from aerarm_ros.nodes.excitation_designer import main
-from aerarm_ros.ros.programs import design_run
 
 DESIGNER = [sys.executable, '-m', 'aerarm_ros.executables', 'excitation_designer']
 SMALL = ['--harmonics', '2', '--starts', '1', '--workers', '1', '--objective', 'condition']
 PATIENT = '--time-limit', '600'  # for a busy host; it is over much earlier
 
 
-def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> None:
-    out, page = tmp_path / 'best.yaml', tmp_path / 'best.html'
-    arguments = [*SMALL, *PATIENT, '--out', str(out), '--preview', str(page)]
+def test_writes_trajectory_and_validation(tmp_path: Path, capsys) -> None:
+    out = tmp_path / 'best.yaml'
+    arguments = [*SMALL, *PATIENT, '--out', str(out)]
     assert main([*arguments, '--validation']) == 0
     best = TrajectoryFile.load(out)
     assert best.made_with['scaled_condition_number'] > 1.0
     assert best.periods == 2
     assert any('link1 to ground' in note for note in best.made_with['notes'])
     assert {'torque', 'self clearance', 'ground clearance'} <= set(best.made_with['margins'])
-    assert page.stat().st_size > 1_000_000
     slow, fast = (
         TrajectoryFile.load(tmp_path / f'best_validation_{name}.yaml') for name in ('slow', 'fast')
     )
@@ -43,33 +39,15 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
 
 
 @pytest.mark.parametrize(
-    ('option', 'value'),
-    [('--fundamental', '-1'), ('--duration', 'inf'), ('--starts', '0'), ('--time-limit', 'nan')],
-)
-def test_an_invalid_number_is_one_line(capsys, option: str, value: str) -> None:
-    with pytest.raises(SystemExit, match='2'):
-        main([option, value])
-    error = capsys.readouterr().err
-    assert f'{option}: {value} is invalid: pass a positive' in error
-    assert error.count('\n') == 1
-
-
-@pytest.mark.parametrize(
     ('arguments', 'message'),
     [
         (['--fundamental', '0.07'], 'pass 14.2857 s or 28.5714 s'),
         (['--harmonics', '200'], 'highest_frequency of the excitation configuration'),
-        (['--harmonics', '6000'], '500 Hz (half the control rate'),
         (['--harmonics', '0'], 'at least one harmonic'),
         (['--bias', '0', '-0.4', '0', '0'], '(bias) is infeasible: ground clearance of link4'),
-        (['--bias', '0', '9', '0', '0'], '(bias) is infeasible: position of joint2: 9 rad'),
-        (['--bias', 'nan', '1.5', '0', '0'], 'bias of joint1 must be a finite number'),
         (['--bias', '0', '0'], 'bias has 2 values'),
-        (['--amplitude', 'nan'], 'amplitude must be positive'),
         (['--torque-noise', '0'], '--torque-noise'),
-        (['--urdf', 'missing.urdf'], 'missing.urdf'),
         (['--out', '/nowhere/best.yaml'], '/nowhere/best.yaml cannot be written'),
-        (['--preview', '/nowhere/best.html'], '/nowhere/best.html cannot be written'),
         (['--out', '/tmp'], 'is a folder'),
         (['--amplitude', '100'], 'all of the amplitude 100 rad is feasible'),
         (['--time-limit', '1e-6'], 'so it wrote no files'),
@@ -84,52 +62,28 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys, arguments, message) -> No
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize('arguments', [['--harmonics', 'x'], ['--nonsense']])
+@pytest.mark.parametrize('arguments', [['--duration', 'inf'], ['--starts', '0'], ['--nonsense']])
 def test_a_wrong_argument_is_one_line(tmp_path: Path, capsys, arguments: list[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
+    with pytest.raises(SystemExit, match='2'):
         main(['--out', str(tmp_path / 'best.yaml'), *arguments])
-    assert ended.value.code == 2
     error = capsys.readouterr().err
-    assert error.startswith('excitation_designer: ')
+    assert error.startswith('excitation_designer: ') and arguments[0] in error
     assert error.endswith('; see excitation_designer --help\n')
     assert error.count('\n') == 1
 
 
-@pytest.mark.parametrize(
-    ('name', 'option'),
-    [('best.yaml', '--out'), ('best_validation_slow.yaml', '--out'), ('best.html', '--preview')],
-)
-def test_files_that_exist_are_replaced_on_request_only(
-    tmp_path: Path, capsys, name: str, option: str
-) -> None:
+@pytest.mark.parametrize('name', ['best.yaml', 'best_validation_slow.yaml'])
+def test_files_that_exist_are_replaced_on_request_only(tmp_path: Path, capsys, name: str) -> None:
     (tmp_path / name).write_text('mine')
-    out, page = tmp_path / 'best.yaml', tmp_path / 'best.html'
-    arguments = [*SMALL, '--out', str(out), '--preview', str(page), '--validation']
+    arguments = [*SMALL, '--out', str(tmp_path / 'best.yaml'), '--validation']
     assert main(arguments) == 2
-    assert f'/{name} already exists: name another file with {option}, or pass --overwrite' in (
+    assert f'/{name} already exists: name another file with --out, or pass --overwrite' in (
         capsys.readouterr().err
     )
     assert [path.read_text() for path in tmp_path.iterdir()] == ['mine']
     # The trial of the folder is the same with it; the search itself is left out.
     assert main([*arguments, '--overwrite', '--time-limit', '1e-6']) == 2
     assert 'so it wrote no files' in capsys.readouterr().err
-
-
-def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatch) -> None:
-    def stopped(specification, *_) -> Iterator[DesignResult]:
-        initial = TrajectoryDesigner(specification).initial(0)
-        remark = 'the random initial trajectory is the best'
-        yield replace(initial, seconds=37.2, remark=remark, stopped=True)
-
-    monkeypatch.setattr(design_run, 'design_all', stopped)
-    assert main([*SMALL, '--out', str(tmp_path / 'best.yaml')]) == 0
-    printed = capsys.readouterr().out
-    assert (
-        'start 0 stopped after 37 s, when its part of --time-limit was over: pass a larger limit'
-        in printed
-    )
-    assert 'found no trajectory better than the random one: pass a larger --time-limit' in printed
-    assert 'exceeds' not in printed
 
 
 def test_nothing_is_written_if_a_validation_trajectory_is_infeasible(

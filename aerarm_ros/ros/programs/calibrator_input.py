@@ -12,7 +12,7 @@ import numpy as np
 
 from aerarm_msgs_py.bags.bag_reader import read_contents
 from aerarm_msgs_py.bags.pose_series import IMU, ODOMETRY, TF, PoseSeries, read_poses
-from aerarm_ros.calibration.chain import Chain, chain_of
+from aerarm_ros.calibration.chain import Chain
 from aerarm_ros.calibration.observations import (
     CalibrationError,
     MarkerSource,
@@ -22,7 +22,6 @@ from aerarm_ros.calibration.observations import (
 )
 from aerarm_ros.calibration.plateaus import Track, rest_observations, resting_arm, time_offset
 from aerarm_ros.calibration.tables import PostureTable, read_postures
-from aerarm_ros.description.robot import STANDARD_GRAVITY
 from aerarm_ros.description.urdf_document import UrdfDocument
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.programs.identifier_bags import collected_warnings
@@ -90,17 +89,6 @@ def read_input(path: Path, urdf: str, options: argparse.Namespace) -> Calibrator
     if path.suffix.lower() == '.csv' and path.is_file():
         return _read_table(path, urdf, options)
     return _read_bag(path, urdf, options)
-
-
-def find_chain(
-    inputs: Sequence[CalibratorInput],
-    urdf: str,
-    options: argparse.Namespace,
-    gravity: Sequence[float] | None,
-) -> Chain:
-    """Return the kinematic chain of the joints that occur in all input files."""
-    recorded = [name for name in inputs[0].joints if all(name in one.joints for one in inputs)]
-    return chain_of(urdf, recorded, options.link, options.lock, gravity or STANDARD_GRAVITY)
 
 
 def to_observations(

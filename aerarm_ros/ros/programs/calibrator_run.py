@@ -7,16 +7,17 @@ import argparse
 import numpy as np
 
 from aerarm_ros.calibration.calibrate import Calibration, CalibrationOptions, HeldOut, calibrate
+from aerarm_ros.calibration.chain import chain_of
 from aerarm_ros.calibration.files import calibrated_urdf, calibration_yaml, config_yaml, summary
 from aerarm_ros.calibration.geometry import Tolerance
 from aerarm_ros.calibration.observations import CalibrationError, Observations
 from aerarm_ros.calibration.report import calibration_html, calibration_text
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.config_reader import config_path
-from aerarm_ros.description.robot import read_urdf
+from aerarm_ros.description.robot import STANDARD_GRAVITY, read_urdf
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.ros.process.process_end import print_notice
-from aerarm_ros.ros.programs.calibrator_input import find_chain, joined, read_input, to_observations
+from aerarm_ros.ros.programs.calibrator_input import joined, read_input, to_observations
 from aerarm_ros.ros.programs.identifier_options import result_folder
 
 URDF, YAML, CONFIG, REPORT = 'calibrated.urdf', 'calibration.yaml', 'arm.yaml', 'report.html'
@@ -65,8 +66,9 @@ def _calibrate(
     training = [read_input(path, urdf, options) for path in options.bag]
     validation = [read_input(path, urdf, options) for path in options.validation]
     inputs = [*training, *validation]
-    gravity = options.gravity or (config.gravity_in_base if config else None)
-    chain = find_chain(inputs, urdf, options, gravity)
+    gravity = options.gravity or (config.gravity_in_base if config else STANDARD_GRAVITY)
+    recorded = [name for name in inputs[0].joints if all(name in one.joints for one in inputs)]
+    chain = chain_of(urdf, recorded, options.link, options.lock, gravity)
     observations = joined([to_observations(one, chain, options) for one in training])
     held_out = [HeldOut(one.path.stem, to_observations(one, chain, options)) for one in validation]
     mapping = [f'{one.path.name}: {text}' for one in inputs for text in one.mapping]

@@ -19,7 +19,6 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.design_file import designed_file
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 from aerarm_ros.excitation.parallel_design import design_all
-from aerarm_ros.excitation.preview import Preview
 from aerarm_ros.excitation.settings import (
     DesignStoppedError,
     ExcitationConfig,
@@ -163,7 +162,6 @@ class DesignRun:
         self._require_writable()
         self._began = time.monotonic()
         self._finished = 0
-        self._out_of_time = False
         self._progress = ProgressLine(NAME)
         setup = excitation_setup(options)
         self._specification = DesignSpecification(
@@ -215,9 +213,7 @@ class DesignRun:
                 best = outcome
                 self._save(best, options.out, self._specification)
             self._report(outcome, best, random)
-            self._out_of_time |= outcome.stopped and not self._interrupted()
         if self._finished < options.starts or self._is_over():
-            self._out_of_time |= self._finished < options.starts and not self._interrupted()
             self._print(
                 f'{NAME}: {self._why()}; the output file contains the best trajectory found until '
                 'then'
@@ -235,29 +231,21 @@ class DesignRun:
             self._print(f'{NAME}: expected {compared} (geometric mean)')
         for warning in self._warnings(best, random):
             self._print(f'{NAME}: warning: {warning}')
-        if self._options.preview:
-            Preview(self._designer, best, random).write(self._options.preview)
-            self._print(f'{self._options.preview}: preview of the trajectory')
 
     def _warnings(self, best: DesignResult, random: DesignResult) -> list[str]:
         """Return warnings about the quality of the trajectory and about unchecked limits."""
         warnings = []
         if best is random:
-            more = ': pass a larger --time-limit' if self._out_of_time else ''
-            warnings.append(f'the search found no trajectory better than the random one{more}')
+            warnings.append(
+                'the search found no trajectory better than the random one: try more starts or a '
+                'larger --time-limit'
+            )
         condition, limit = best.quality.condition_number, self._specification.condition_limit
         if self._specification.objective == BOTH and condition > limit:
-            why = (
-                'the time limit was reached: pass a larger --time-limit'
-                if self._out_of_time
-                else (
-                    f'the binding limit is {best.report.binding}. Try more starts, a larger '
-                    '--time-limit, more harmonics, or a wider binding limit'
-                )
-            )
             warnings.append(
                 f'the condition number {condition:.1f} (thesis, 5.2) exceeds its limit of '
-                f'{limit:g} (--condition-limit); {why}'
+                f'{limit:g} (--condition-limit); the binding limit is {best.report.binding}. Try '
+                'more starts, a larger --time-limit, more harmonics, or a wider binding limit'
             )
         limits = self._specification.setup.limits
         unknown = [
@@ -300,16 +288,12 @@ class DesignRun:
     def _require_writable(self) -> None:
         """Raise ExcitationError before the long search if an output file cannot be written."""
         options = self._options
-        paths = [options.out, *filter(None, [options.preview]), *self._validation_paths.values()]
-        if len({path.absolute() for path in paths}) < len(paths):
-            raise ExcitationError('--out and --preview name the same file: pass different files')
-        for path in paths:
+        for path in (options.out, *self._validation_paths.values()):
             if path.is_dir():
                 raise ExcitationError(f'{path} is a folder: pass the name of a file')
             if path.is_file() and not options.overwrite:
                 raise ExcitationError(
-                    f'{path} already exists: name another file with '
-                    f'{"--preview" if path == options.preview else "--out"}, or pass --overwrite'
+                    f'{path} already exists: name another file with --out, or pass --overwrite'
                 )
             if not os.access(path.parent, os.W_OK):
                 raise ExcitationError(
@@ -324,13 +308,7 @@ class DesignRun:
     def _report(self, result: DesignResult, best: DesignResult, random: DesignResult) -> None:
         compared = result.quality.compared_with(random.quality, 'the random trajectory')
         leader = 'random' if best is random else f'start {best.start}'
-        remarks = [result.remark] if result.remark else []
-        if result.stopped and not self._interrupted():
-            remarks.append(
-                f'start {result.start} stopped after {result.seconds:.0f} s, when its part of '
-                '--time-limit was over: pass a larger limit'
-            )
-        remark = f' ({"; ".join(remarks)})' if remarks else ''
+        remark = f' ({result.remark})' if result.remark else ''
         self._print(
             f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; best so far: '
             f'{leader}{remark}'

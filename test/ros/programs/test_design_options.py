@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.settings import ExcitationError
 from aerarm_ros.ros.programs.design_run import excitation_setup, torque_noise, whole_periods
 
@@ -36,12 +35,6 @@ def test_parts_of_periods_are_refused(duration: float, fundamental: float, messa
         whole_periods(duration, fundamental)
 
 
-def test_the_packaged_arm_with_another_centre() -> None:
-    setup = excitation_setup(options(bias=[0.1, 1.4, 0.0, 0.0]))
-    np.testing.assert_array_equal(setup.config.bias_of(setup.robot), [0.1, 1.4, 0.0, 0.0])
-    assert np.isfinite(setup.limits.current).all()
-
-
 def test_another_arm_by_its_urdf(example_urdf: Callable[[str], Path]) -> None:
     urdf = example_urdf('ur10_robot.urdf')
     setup = excitation_setup(options(urdf=urdf, acceleration_limit=[3.0]))
@@ -52,14 +45,6 @@ def test_another_arm_by_its_urdf(example_urdf: Callable[[str], Path]) -> None:
 def test_limits_of_an_arm_with_a_drive_train_are_not_options() -> None:
     with pytest.raises(ExcitationError, match='acceleration_limit, torque_per_ampere cannot'):
         excitation_setup(options(acceleration_limit=[3.0], torque_per_ampere=[1.0]))
-
-
-def test_package_directories_count_with_a_drive_train() -> None:
-    config = resource('config', 'examples', 'three_joints.yaml')
-    urdf = resource('config', 'examples', 'three_joints.urdf')
-    folders = [Path('/somewhere/packages')]
-    setup = excitation_setup(options(config=config, urdf=urdf, package_directory=folders))
-    assert setup.package_directories == tuple(folders)
 
 
 def test_torque_noise() -> None:

@@ -1,11 +1,11 @@
-"""Derivatives of the whole program, and constraints that are never too lenient."""
+"""Derivatives of the whole program, its states, and constraints that are never too lenient."""
 
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.design_problem import DesignProblem
+from aerarm_ros.excitation.design_problem import DesignProblem, FeasibleIterates, StateBasis
 from aerarm_ros.excitation.excitation_setup import RandomTrajectory
-from aerarm_ros.excitation.trajectory import FourierTrajectory
+from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
 
 
@@ -53,7 +53,40 @@ def test_feasible_coefficients_respect_the_limits(
     assert 3 < allowed < 40
 
 
-def test_infinite_limits_are_no_constraints(problem: DesignProblem, x: np.ndarray) -> None:
-    # Position, velocity, acceleration and torque of four joints, and clearance.
-    assert problem.constraints(x).shape == (17,)
-    assert problem.jacobian(x).shape == (17, x.size)
+@pytest.fixture(scope='module')
+def basis() -> StateBasis:
+    return StateBasis(0.1, 5, 4, ramp_time=2.0)
+
+
+def test_states_are_those_of_the_played_trajectory(
+    basis: StateBasis, trajectory: FourierTrajectory
+) -> None:
+    states = basis.states(basis.coefficients(trajectory))
+    played = RampedExcitation(trajectory, 1, 2.0).evaluate(basis.times)
+    for mine, theirs in zip(states, played, strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=1e-12)
+
+
+def test_pull_back_is_the_transpose(basis: StateBasis) -> None:
+    generator = np.random.default_rng(0)
+    x = generator.normal(size=basis.shape)
+    states = basis.states(x)
+    gradients = [generator.normal(size=part.shape) for part in states]
+    forward = sum((g * part).sum() for g, part in zip(gradients, states, strict=True))
+    assert (basis.pull_back(*gradients) * x).sum() == pytest.approx(forward)
+
+
+def test_best_first_and_only_feasible_ones() -> None:
+    iterates = FeasibleIterates()
+    assert iterates.best() == []
+    for step in range(1, 41):
+        # Every third breaks a constraint; the objective falls all the time.
+        iterates.see(
+            np.full(2, step), -float(step), np.array([1.0, -0.5 if step % 3 == 0 else 0.0])
+        )
+    best = iterates.best()
+    assert best[0][1] == 40
+    assert all(number % 3 for _, number in best)
+    assert [number for _, number in best] == sorted((n for _, n in best), reverse=True)
+    np.testing.assert_array_equal(best[0][0], [40.0, 40.0])
+    np.testing.assert_array_equal(iterates.last, [40.0, 40.0])

@@ -14,6 +14,7 @@ from aerarm_ros.excitation.trajectory import (
     RampedExcitation,
     Stage,
 )
+from aerarm_ros.motion.signals import JointReference
 
 STOPS = StopLimits(MotionLimits.of_arm(load_arm_config()), None)
 MILLISECOND = 1_000_000
@@ -162,3 +163,14 @@ def test_the_forecast_equals_the_later_commands(motion: MotionSequence) -> None:
             player.stop()  # which no plan of before knows
             told = {}
     assert player.done
+
+
+REFERENCE = JointReference(*np.random.default_rng(0).normal(size=(3, 4)))
+
+
+def test_the_corrected_velocity_never_exceeds_the_limit() -> None:
+    limit = np.full(4, 2.5)
+    far = REFERENCE.q - np.array([3.0, -3.0, 3.0, 0.0])
+    command = VelocityLaw(20.0, limit).command(REFERENCE, far)
+    np.testing.assert_array_equal(command.dq[:3], [2.5, -2.5, 2.5])
+    assert command.dq[3] == REFERENCE.dq[3]

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.design_file import TrajectoryFile, describe_margins
-from aerarm_ros.excitation.feasibility import FeasibilityChecker
+from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.excitation.settings import ExcitationError
 from aerarm_ros.excitation.trajectory import FourierTrajectory
 
@@ -48,17 +47,6 @@ def test_rows_follow_the_names(path: Path, trajectory: FourierTrajectory) -> Non
     np.testing.assert_array_equal(swapped.alpha, trajectory.alpha[::-1])
     with pytest.raises(ExcitationError, match='the arm has a, b'):
         TrajectoryFile.load(path).for_joints(('a', 'b'))
-
-
-def test_margins_can_be_written(
-    tmp_path: Path, trajectory: FourierTrajectory, checker: FeasibilityChecker
-) -> None:
-    margins = describe_margins(checker.check_trajectory(trajectory, 2.0))
-    path = tmp_path / 'with_margins.yaml'
-    TrajectoryFile(trajectory, NAMES, {'margins': margins}).save(path)
-    read_back = TrajectoryFile.load(path).made_with['margins']
-    assert read_back == margins
-    assert read_back['ground clearance']['reached'] > read_back['ground clearance']['allowed']
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,9 @@
+"""References along a path with its own time, and limited vectors."""
+
 import numpy as np
 from derivatives import assert_derivatives_agree
 
-from aerarm_ros.motion.signals import JointReference
-
-
-def test_at_rest_keeps_a_copy() -> None:
-    q = np.array([0.1, -0.2])
-    reference = JointReference.at_rest(q)
-    q[:] = 9.0
-    np.testing.assert_array_equal(reference.q, [0.1, -0.2])
-    assert not reference.dq.any()
-    assert not reference.ddq.any()
+from aerarm_ros.motion.signals import JointReference, limited
 
 
 def test_a_paced_path_has_the_derivatives_of_its_new_time() -> None:
@@ -25,3 +18,10 @@ def test_a_paced_path_has_the_derivatives_of_its_new_time() -> None:
     paced = along.paced(rate[:, np.newaxis], rate_change[:, np.newaxis])
     np.testing.assert_array_equal(paced.q, along.q)
     assert_derivatives_agree(time, paced, of_position=1e-5, of_velocity=1e-4)
+
+
+def test_long_vectors_are_shortened_in_their_direction() -> None:
+    vector = np.array([3.0, 0.0, -4.0])
+    np.testing.assert_allclose(limited(vector, 2.5), 0.5 * vector, rtol=1e-15)
+    np.testing.assert_array_equal(limited(vector, 5.0), vector)
+    np.testing.assert_array_equal(limited(np.zeros(3), 0.0), 0.0)
