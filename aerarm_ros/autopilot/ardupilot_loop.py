@@ -6,15 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from aerarm_ros.autopilot.px4 import heading, ned
+from aerarm_ros.autopilot.px4_set_points import TAKES_YAW, position_target
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.checks import non_negative_number
 from aerarm_ros.flight.arm_load import FeedForward
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
 
-_FRAME_LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
-_TAKES_YAW, _TAKES_NO_YAW = 1 << 11, 3 << 10  # POSITION_TARGET_TYPEMASK
+_TAKES_NO_YAW = 3 << 10  # POSITION_TARGET_TYPEMASK
 _STEP_MAX = 0.05  # [s]
 _LEVEL = np.array([1.0, 1.0, 0.0])
 
@@ -138,12 +137,10 @@ class ArduPilotSetPoints:
         frame in ArduPilot's local frame, north-east-down [m].
         """
         moved = self._offset.update(self._acceleration.update(arm, state.rotation, dt), dt)
-        x, y, z = (ned(target.position + moved.offset) + origin).tolist()
-        vx, vy, vz = ned(target.velocity + moved.speed).tolist()
-        ax, ay, az = ned(target.acceleration + moved.acceleration).tolist()
-        mask = _TAKES_YAW if self._holds_heading else _TAKES_NO_YAW
-        return 'SET_POSITION_TARGET_LOCAL_NED', {
-            'coordinate_frame': _FRAME_LOCAL_NED, 'type_mask': mask,
-            'x': x, 'y': y, 'z': z, 'vx': vx, 'vy': vy, 'vz': vz, 'afx': ax, 'afy': ay, 'afz': az,
-            'yaw': heading(target.yaw),
-        }  # fmt: skip
+        led = FlightTarget(
+            target.position + moved.offset,
+            target.yaw,
+            target.velocity + moved.speed,
+            target.acceleration + moved.acceleration,
+        )
+        return position_target(led, TAKES_YAW if self._holds_heading else _TAKES_NO_YAW, origin)

@@ -9,7 +9,7 @@ from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, BetaflightLi
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
-from aerarm_ros.flight.flight_control import FlightGains
+from aerarm_ros.flight.flight_control import FlightGains, PositionLoop
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
 from aerarm_ros.motion.signals import Array, limited
 
@@ -159,7 +159,6 @@ def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
 
 
 _UP = np.array([0.0, 0.0, 1.0])
-_INTEGRAL = 3.0  # [m/s^2] largest integral action
 _HEADING = 1.5  # [1/s] angular velocity per error of the heading
 _TRY, _PAUSE = 3.0, 0.5  # [s] for which the arming switch is on, and off in between
 _SILENCE = 0.5  # [s] without motor outputs
@@ -204,6 +203,7 @@ class BetaflightFlight:
     ) -> None:
         self._setup = setup = BetaflightSetup() if setup is None else setup
         self._gains = FlightGains() if gains is None else gains
+        self._loop = PositionLoop(self._gains)
         self._motors = setup.motors_of(drone)
         self._thrust_max = drone.column('thrust_max')
         self._firmware = firmware
@@ -215,7 +215,7 @@ class BetaflightFlight:
 
     def reset(self) -> None:
         """Reset the integral of the position loop, and the arming state."""
-        self._push = np.zeros(3)
+        self._loop.reset()
         self._switched = 0.0
         self._silence = np.inf
         self._thrust = np.zeros(len(self._thrust_max))
@@ -227,15 +227,7 @@ class BetaflightFlight:
     ) -> Array:
         """Return the rotors' thrusts (n,) [N] that move the drone to the target."""
         arm = self._at_rest if arm is None else arm
-        gains = self._gains
-        frequency = gains.position_frequencies
-        kp, kd = frequency**2, 2.0 * gains.position_damping * frequency
-        error = target.position - state.position
-        error = kd / kp * limited(kp / kd * error, gains.speed_max)
-        if self._is_armed:
-            step = gains.position_integral * frequency * kp * dt * error
-            self._push = np.clip(self._push + step, -_INTEGRAL, _INTEGRAL)
-        feedback = kp * error + kd * (target.velocity - state.velocity) + self._push
+        feedback = self._loop.update(state, target, dt if self._is_armed else 0.0)
         fed = self._acceleration.update(arm, state.rotation, dt)
         force = arm.body.mass * (target.acceleration + feedback + fed + GRAVITY * _UP)
         turn = target.yaw - yaw_of(state.rotation)
