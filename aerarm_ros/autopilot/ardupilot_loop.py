@@ -1,6 +1,5 @@
 """Set points for ArduCopter's position loop, with feedforward of the arm's motion."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -44,17 +43,6 @@ class ArduPilotLoop:
         """Check that no gain of the position loop is negative."""
         for name, value in vars(self).items():
             non_negative_number(name, value)
-
-    def parameters(self) -> Mapping[str, float]:
-        """Return the gains of the position loop as a mapping from ArduPilot's parameter names."""
-        return {
-            'PSC_POSXY_P': self.position_p,
-            'PSC_VELXY_P': self.velocity_p,
-            'PSC_VELXY_I': self.velocity_i,
-            'PSC_VELXY_D': 0.0,
-            'PSC_VELXY_FLTE': 0.0,
-            'PSC_JERK_XY': 20.0,
-        }
 
 
 class LoopMotion(NamedTuple):

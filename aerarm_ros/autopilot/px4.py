@@ -10,12 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.checks import non_negative_number, positive
-from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.flight.arm_load import MassProperties
 from aerarm_ros.motion.signals import Array
 
 _WORLD = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _BODY = np.array([1.0, -1.0, -1.0])
 _NO_TORQUE = 1e-3  # smallest entry of a rotor in PX4's mixer
+
+
+VISION, GPS = 'vision', 'gps'
+SENSORS = VISION, GPS
+"""Position sources of the autopilot: odometry, as from motion capture, or a satellite receiver."""
 
 
 def ned(vector: npt.ArrayLike) -> Array:
@@ -58,6 +64,37 @@ def torque_unit(drone: DroneConfig) -> Array:
     turning = np.maximum(np.count_nonzero(np.abs(tilt) > _NO_TORQUE, axis=0), 1)
     scale = float(np.sqrt(np.square(tilt).sum(axis=0) * 2.0 / turning).max())
     return np.array([1.0 / scale, 1.0 / scale, 1.0 / float(mixer[:, 2].max())])
+
+
+def hover_share(drone: DroneConfig, body: MassProperties) -> float:
+    """Return the hover thrust divided by the largest total thrust of all rotors.
+
+    Raises
+    ------
+    ValueError
+        If the share is not between 10 and 80 %.
+    """
+    lift = float(np.abs(drone.allocation[2]) @ drone.column('thrust_max'))
+    hover = body.mass * GRAVITY / lift
+    if not 0.1 <= hover <= 0.8:
+        raise ValueError(
+            f'the drone hovers at {100.0 * hover:.0f} % of its largest thrust, but PX4 '
+            '(MPC_THR_HOVER) and ArduPilot (MOT_THST_HOVER) accept 10 to 80 %: check mass and '
+            'thrust_max in the drone file'
+        )
+    return hover
+
+
+def force_unit(drone: DroneConfig) -> Array:
+    """Return the force [N] along each body axis for PX4's normalized thrust 1, (3,).
+
+    ControlAllocationPseudoInverse scales its mixer by one over the mean nonzero entry of a column.
+    An axis without entries has the unit of the body's z axis.
+    """
+    mixer = np.abs(np.linalg.pinv(drone.allocation * drone.column('thrust_max'))[:, :3])
+    counts = np.count_nonzero(mixer > 1e-7, axis=0)
+    means = np.where(counts > 0, mixer.sum(axis=0) / np.maximum(counts, 1), 0.0)
+    return np.array(1.0 / np.where(means > 0.0, means, means[2]))
 
 
 @dataclass(frozen=True)

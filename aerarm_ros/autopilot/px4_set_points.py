@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerarm_ros.autopilot.px4 import Px4Gains, frd_rotation, heading, ned, torque_unit
-from aerarm_ros.autopilot.px4_setup import force_unit
+from aerarm_ros.autopilot.px4 import Px4Gains, force_unit, frd_rotation, heading, ned, torque_unit
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig

@@ -52,6 +52,7 @@ class ComparedFlightNode(FlightControlNode):
     parameters = ParameterTable(
         *PARAMETERS,
         Parameter('law', OBSERVER, 'control law', choices=LAWS),
+        Parameter('mpc_xy_p', 1.5, 'MPC_XY_P', '1/s', 0.1, 5.0),
         Parameter('observer_frequency', 8.0, 'bandwidth of the estimate', 'rad/s', 0.1, 200.0),
     )
     make_law = staticmethod(compared_law)

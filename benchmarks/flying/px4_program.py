@@ -1,11 +1,13 @@
 """PX4 as a program on this host, configured for a drone."""
 
 import os
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from flying.firmware_program import FirmwareProgram
 
-from aerarm_ros.autopilot.px4_setup import AIRFRAME, Px4Setup
+from aerarm_ros.autopilot.px4 import GPS, VISION, Px4Gains, hover_share
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import MassProperties
 
@@ -21,6 +23,107 @@ def find_px4() -> Path | None:
     given = os.environ.get('PX4', '')
     places = [Path(given).expanduser() / part for part in ('', 'build/px4_sitl_default')]
     return next((place for place in places if given and (place / _PROGRAM).is_file()), None)
+
+
+ROTORS = 12
+"""Largest number of motors that PX4 controls."""
+
+AIRFRAME = '10016'
+"""Number of PX4's airframe none_iris, a multirotor whose simulator connects over TCP.
+"""
+
+_FRD = np.array([1.0, -1.0, -1.0])
+_VISION_PARAMETERS = {
+    'EKF2_EV_CTRL': 15, 'EKF2_HGT_REF': 3, 'EKF2_GPS_CTRL': 0, 'EKF2_BARO_CTRL': 0,
+    'EKF2_MAG_TYPE': 5, 'EKF2_EV_NOISE_MD': 0, 'EKF2_EVP_NOISE': 0.01, 'EKF2_EVV_NOISE': 0.01,
+    'EKF2_EVA_NOISE': 0.05, 'EKF2_EV_DELAY': 0.0, 'SYS_HAS_GPS': 0, 'SYS_HAS_MAG': 0,
+}  # fmt: skip
+_GPS_PARAMETERS = {
+    'EKF2_EV_CTRL': 0, 'EKF2_HGT_REF': 1, 'EKF2_GPS_CTRL': 7, 'EKF2_MAG_TYPE': 0,
+    'EKF2_GPS_DELAY': 0.0, 'EKF2_REQ_GPS_H': 2.0,
+}  # fmt: skip
+# No manual control, no ground station, a battery that does not drain; one IMU. The last parameter
+# keeps PX4 armed while the drone is held.
+_BENCH_PARAMETERS = {
+    'COM_RC_IN_MODE': 4, 'COM_RCL_EXCEPT': 4, 'NAV_DLL_ACT': 0, 'CBRK_SUPPLY_CHK': 894281,
+    'SIM_BAT_DRAIN': 86400.0, 'SENS_IMU_MODE': 1, 'EKF2_MULTI_IMU': 0, 'IMU_GYRO_RATEMAX': 250,
+    'MC_AT_EN': 0, 'SDLOG_MODE': 0, 'SDLOG_PROFILE': 1, 'COM_OBL_RC_ACT': 5,
+    'COM_DISARM_PRFLT': -1.0,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Px4Setup:
+    """Gains and position source from which `parameters` derives PX4's parameters.
+
+    Attributes
+    ----------
+    sensors : str
+        One of `px4.SENSORS`.
+    others : dict
+        Further parameters, by PX4's names, which override all others.
+    """
+
+    gains: Px4Gains = Px4Gains()
+    sensors: str = VISION
+    others: dict[str, float] = field(default_factory=dict)
+
+    def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
+        """Return all PX4 parameters for a drone as a mapping from their names.
+
+        Parameters
+        ----------
+        body : MassProperties
+            Mass properties of drone and arm at rest, because PX4's lever arms begin at the centre
+            of mass.
+
+        Raises
+        ------
+        ValueError
+            If PX4 has too few motors, or the drone cannot hover on 10 to 80 % of its thrust.
+        """
+        if drone.n > ROTORS:
+            raise ValueError(
+                f'{drone.name} has {drone.n} rotors, but PX4 controls {ROTORS} at most: use '
+                'a drone file with fewer rotors'
+            )
+        return {
+            **_BENCH_PARAMETERS,
+            **(_GPS_PARAMETERS if self.sensors == GPS else _VISION_PARAMETERS),
+            **_geometry(drone, body),
+            'MPC_THR_HOVER': hover_share(drone, body),
+            **_gains(self.gains),
+            **self.others,
+        }
+
+
+def _geometry(drone: DroneConfig, body: MassProperties) -> dict[str, float]:
+    """Return PX4's parameters that describe the poses of rotors (CA_*) and IMU."""
+    found: dict[str, float] = {'CA_AIRFRAME': 0, 'CA_ROTOR_COUNT': drone.n}
+    for i, rotor in enumerate(drone.rotors):
+        place = _FRD * (np.array(rotor.position) - body.centre)
+        axis = _FRD * np.array(rotor.axis) / np.linalg.norm(rotor.axis)
+        names = [f'CA_ROTOR{i}_{key}' for key in ('PX', 'PY', 'PZ', 'AX', 'AY', 'AZ')]
+        found.update(zip(names, np.concatenate([place, axis]).tolist(), strict=True))
+        found[f'CA_ROTOR{i}_CT'] = rotor.thrust_max
+        found[f'CA_ROTOR{i}_KM'] = -rotor.moment_per_thrust
+        found[f'PWM_MAIN_FUNC{i + 1}'] = 101 + i
+    imu = _FRD * np.array(drone.imu.position)
+    names = [f'EKF2_IMU_POS_{axis}' for axis in 'XYZ']
+    found.update(zip(names, imu.tolist(), strict=True))
+    return found
+
+
+def _gains(gains: Px4Gains) -> dict[str, float]:
+    found = {'MPC_THR_MIN': gains.thrust_min, 'MPC_TILTMAX_AIR': float(np.degrees(gains.tilt_max))}
+    for name, value in vars(gains).items():
+        if name.startswith(('mpc_', 'mc_yaw')):
+            found[name.upper()] = value
+        elif name.startswith('mc_'):
+            for axis in ('roll', 'pitch'):
+                one = name.replace('att', axis).replace('rate', f'{axis}rate')
+                found[one.upper()] = value
+    return found
 
 
 class Px4Program(FirmwareProgram):

@@ -24,10 +24,12 @@ from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.px4_link import CompanionLink, Controls, SimulatorLink
 from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
-from aerarm_ros.autopilot.px4_setup import Px4Setup
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
+
+sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
+from flying.px4_program import HOW, Px4Program, Px4Setup, find_px4
 
 RECORDING = Path(__file__).parents[1] / 'data' / 'px4_start.json.gz'
 DRONE = load_drone_config()
@@ -45,12 +47,10 @@ def pushed(step: int) -> FeedForward:
     return FeedForward(BODY, wrench, wrench, np.array([0.1, 0.0, 0.0]), np.zeros(3))
 
 
-def flight(
-    simulator: SimulatorLink, companion: CompanionLink, setup: Px4Setup = SETUP
-) -> FirmwareFlight:
+def flight(simulator: SimulatorLink, companion: CompanionLink) -> FirmwareFlight:
     """Return the flight that is recorded and replayed."""
-    set_points = Px4SetPoints(DRONE, None, tilt_ahead(setup.gains, DRONE))
-    return FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion, setup), set_points)
+    set_points = Px4SetPoints(DRONE, None, tilt_ahead(SETUP.gains, DRONE))
+    return FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion), set_points)
 
 
 @dataclass
@@ -235,9 +235,6 @@ class ScriptedPx4(threading.Thread):
 
 def record() -> None:
     """Record the start of the real firmware, and some steps in flight."""
-    sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
-    from flying.px4_program import HOW, Px4Program, find_px4
-
     build = find_px4()
     if build is None:
         sys.exit(HOW)

@@ -7,7 +7,7 @@ import pytest
 from flown_arm import Flight, body
 from scripted_firmware import BOOT, ScriptedFirmware
 
-from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight, BetaflightSetup
+from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight, BetaflightSetup, mixer_of
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.flight.arm_load import FeedForward
@@ -101,10 +101,7 @@ def test_the_setup_knows_its_drones_and_gains() -> None:
     assert setup.throttle(setup.idle) == 1010
     assert setup.throttle(1.0) == 2000
     assert setup.throttle(2.0) == 2000
-    commands = setup.commands(DRONE)
-    assert commands[0] == 'mixer HEX6X'
-    assert f'set p_roll = {setup.p}' in commands
-    assert BetaflightSetup().commands(quadrotor())[0] == 'mixer QUADX'
+    assert [mixer_of(drone)[0] for drone in (DRONE, quadrotor())] == ['HEX6X', 'QUADX']
 
 
 def quadrotor():

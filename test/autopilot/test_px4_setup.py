@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from px4_recording import BODY, DRONE, SETUP
 
-from aerarm_ros.autopilot.px4 import torque_unit
-from aerarm_ros.autopilot.px4_setup import force_unit, hover_share
+from aerarm_ros.autopilot.px4 import force_unit, hover_share, torque_unit
 from aerarm_ros.description.drone_config import GRAVITY, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.flight.arm_load import MassProperties
