@@ -99,33 +99,18 @@ def force_unit(drone: DroneConfig) -> Array:
 
 @dataclass(frozen=True)
 class Px4Gains:
-    """Gains of PX4's multicopter loops, by PX4's parameter names, with PX4's defaults of 2026.
+    """Gains of PX4's attitude and rate loops, by PX4's names, with PX4's defaults of 2026.
 
     Attributes
     ----------
-    mpc_xy_p, mpc_z_p : float
-        Velocity per position error [1/s].
-    mpc_xy_vel_p_acc, mpc_z_vel_p_acc : float
-        Acceleration per velocity error [1/s].
-    mpc_xy_vel_i_acc, mpc_z_vel_i_acc : float
-        Acceleration per integral of the velocity error [1/s^2].
-    mpc_xy_vel_d_acc, mpc_z_vel_d_acc : float
-        Acceleration per derivative of the velocity error [-].
     mc_att_p, mc_yaw_p : float
         Angular velocity per attitude error [1/s]: MC_ROLL_P and MC_PITCH_P, or MC_YAW_P.
     mc_rate_k : float
-        Common factor of the next three gains: MC_ROLLRATE_K and MC_PITCHRATE_K [-].
-    mc_rate_p, mc_rate_i, mc_rate_d : float
-        Normalized torque (`torque_unit`) per angular velocity error, its integral and the angular
-        acceleration.
-    mc_yawrate_p, mc_yawrate_i : float
-        Normalized torque per angular velocity error about the vertical, and its integral.
-    mc_yaw_tq_cutoff : float
-        MC_YAW_TQ_CUTOFF, the cut-off frequency of the yaw torque's low-pass filter [Hz].
-    tilt_max : float
-        MPC_TILTMAX_AIR, the largest commanded tilt [rad].
-    thrust_min : float
-        MPC_THR_MIN, the least commanded thrust as a fraction of the largest.
+        Common factor of the next two gains: MC_ROLLRATE_K and MC_PITCHRATE_K [-].
+    mc_rate_p, mc_rate_i : float
+        Normalized torque (`torque_unit`) per angular velocity error and its integral.
+    mc_yawrate_p : float
+        Normalized torque per angular velocity error about the vertical.
 
     Raises
     ------
@@ -133,51 +118,12 @@ class Px4Gains:
         If a gain is negative, or a proportional gain is not positive.
     """
 
-    mpc_xy_p: float = 0.95
-    mpc_z_p: float = 1.0
-    mpc_xy_vel_p_acc: float = 1.8
-    mpc_z_vel_p_acc: float = 4.0
-    mpc_xy_vel_i_acc: float = 0.4
-    mpc_z_vel_i_acc: float = 2.0
-    mpc_xy_vel_d_acc: float = 0.2
-    mpc_z_vel_d_acc: float = 0.0
     mc_att_p: float = 4.0
     mc_yaw_p: float = 2.8
     mc_rate_k: float = 1.0
     mc_rate_p: float = 0.15
     mc_rate_i: float = 0.2
-    mc_rate_d: float = 0.003
     mc_yawrate_p: float = 0.2
-    mc_yawrate_i: float = 0.1
-    mc_yaw_tq_cutoff: float = 2.0
-    tilt_max: float = 0.785
-    thrust_min: float = 0.12
-
-    @classmethod
-    def scaled(
-        cls,
-        mpc_xy_p: float,
-        mc_att_p: float,
-        mc_rate_k: float,
-        mc_yawrate_p: float = 0.2,
-        mc_yaw_tq_cutoff: float = 2.0,
-    ) -> 'Px4Gains':
-        """Return gains with the velocity loop scaled in proportion to the position gain.
-
-        The gains `mpc_xy_vel_p_acc` and `mpc_xy_vel_i_acc` are scaled like `mpc_xy_p`, and
-        `mc_yawrate_i` by the ratio of `mc_yawrate_p` to its default.
-        """
-        share = mpc_xy_p / cls.mpc_xy_p
-        return cls(
-            mpc_xy_p=mpc_xy_p,
-            mpc_xy_vel_p_acc=share * cls.mpc_xy_vel_p_acc,
-            mpc_xy_vel_i_acc=share * cls.mpc_xy_vel_i_acc,
-            mc_att_p=mc_att_p,
-            mc_rate_k=mc_rate_k,
-            mc_yawrate_p=mc_yawrate_p,
-            mc_yawrate_i=cls.mc_yawrate_i / cls.mc_yawrate_p * mc_yawrate_p,
-            mc_yaw_tq_cutoff=mc_yaw_tq_cutoff,
-        )
 
     def __post_init__(self) -> None:
         """Check that proportional gains are positive, and that no other value is negative."""

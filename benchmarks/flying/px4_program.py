@@ -53,6 +53,73 @@ _BENCH_PARAMETERS = {
 
 
 @dataclass(frozen=True)
+class Px4AllGains(Px4Gains):
+    """Gains of PX4's multicopter loops, by PX4's parameter names, with PX4's defaults of 2026.
+
+    Attributes
+    ----------
+    mpc_xy_p, mpc_z_p : float
+        Velocity per position error [1/s].
+    mpc_xy_vel_p_acc, mpc_z_vel_p_acc : float
+        Acceleration per velocity error [1/s].
+    mpc_xy_vel_i_acc, mpc_z_vel_i_acc : float
+        Acceleration per integral of the velocity error [1/s^2].
+    mpc_xy_vel_d_acc, mpc_z_vel_d_acc : float
+        Acceleration per derivative of the velocity error [-].
+    mc_rate_d : float
+        Normalized torque per angular acceleration.
+    mc_yawrate_i : float
+        Normalized torque per integral of the angular velocity error about the vertical.
+    mc_yaw_tq_cutoff : float
+        MC_YAW_TQ_CUTOFF, the cut-off frequency of the yaw torque's low-pass filter [Hz].
+    tilt_max : float
+        MPC_TILTMAX_AIR, the largest commanded tilt [rad].
+    thrust_min : float
+        MPC_THR_MIN, the least commanded thrust as a fraction of the largest.
+    """
+
+    mpc_xy_p: float = 0.95
+    mpc_z_p: float = 1.0
+    mpc_xy_vel_p_acc: float = 1.8
+    mpc_z_vel_p_acc: float = 4.0
+    mpc_xy_vel_i_acc: float = 0.4
+    mpc_z_vel_i_acc: float = 2.0
+    mpc_xy_vel_d_acc: float = 0.2
+    mpc_z_vel_d_acc: float = 0.0
+    mc_rate_d: float = 0.003
+    mc_yawrate_i: float = 0.1
+    mc_yaw_tq_cutoff: float = 2.0
+    tilt_max: float = 0.785
+    thrust_min: float = 0.12
+
+    @classmethod
+    def scaled(
+        cls,
+        mpc_xy_p: float,
+        mc_att_p: float,
+        mc_rate_k: float,
+        mc_yawrate_p: float = 0.2,
+        mc_yaw_tq_cutoff: float = 2.0,
+    ) -> 'Px4AllGains':
+        """Return gains with the velocity loop scaled in proportion to the position gain.
+
+        The gains `mpc_xy_vel_p_acc` and `mpc_xy_vel_i_acc` are scaled like `mpc_xy_p`, and
+        `mc_yawrate_i` by the ratio of `mc_yawrate_p` to its default.
+        """
+        share = mpc_xy_p / cls.mpc_xy_p
+        return cls(
+            mpc_xy_p=mpc_xy_p,
+            mpc_xy_vel_p_acc=share * cls.mpc_xy_vel_p_acc,
+            mpc_xy_vel_i_acc=share * cls.mpc_xy_vel_i_acc,
+            mc_att_p=mc_att_p,
+            mc_rate_k=mc_rate_k,
+            mc_yawrate_p=mc_yawrate_p,
+            mc_yawrate_i=cls.mc_yawrate_i / cls.mc_yawrate_p * mc_yawrate_p,
+            mc_yaw_tq_cutoff=mc_yaw_tq_cutoff,
+        )
+
+
+@dataclass(frozen=True)
 class Px4Setup:
     """Gains and position source from which `parameters` derives PX4's parameters.
 
@@ -64,7 +131,7 @@ class Px4Setup:
         Further parameters, by PX4's names, which override all others.
     """
 
-    gains: Px4Gains = Px4Gains()
+    gains: Px4AllGains = Px4AllGains()
     sensors: str = VISION
     others: dict[str, float] = field(default_factory=dict)
 
@@ -114,7 +181,7 @@ def _geometry(drone: DroneConfig, body: MassProperties) -> dict[str, float]:
     return found
 
 
-def _gains(gains: Px4Gains) -> dict[str, float]:
+def _gains(gains: Px4AllGains) -> dict[str, float]:
     found = {'MPC_THR_MIN': gains.thrust_min, 'MPC_TILTMAX_AIR': float(np.degrees(gains.tilt_max))}
     for name, value in vars(gains).items():
         if name.startswith(('mpc_', 'mc_yaw')):

@@ -20,7 +20,6 @@ import numpy as np
 
 from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
 from aerarm_ros.autopilot.mavlink import LAYOUTS, FrameReader, Message
-from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.px4_link import CompanionLink, Controls, SimulatorLink
 from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
@@ -29,12 +28,12 @@ from aerarm_ros.flight.arm_load import FeedForward, MassProperties
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 
 sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
-from flying.px4_program import HOW, Px4Program, Px4Setup, find_px4
+from flying.px4_program import HOW, Px4AllGains, Px4Program, Px4Setup, find_px4
 
 RECORDING = Path(__file__).parents[1] / 'data' / 'px4_start.json.gz'
 DRONE = load_drone_config()
 BODY = MassProperties(4.49, np.array([0.0, 0.0, -0.05]), np.diag([0.2, 0.2, 0.1]))
-SETUP = Px4Setup(Px4Gains.scaled(1.5, 6.5, 2.0))
+SETUP = Px4Setup(Px4AllGains.scaled(1.5, 6.5, 2.0))
 STILL = FlightState(np.zeros(3), np.zeros(3), np.eye(3), np.zeros(3))
 FLOWN = 100  # steps in flight
 _USED = 'HEARTBEAT', 'LOCAL_POSITION_NED', 'STATUSTEXT', 'TIMESYNC'
