@@ -21,7 +21,7 @@ from px4 import WAYS, at_rest, flight_options, fly_all, noisy_case
 from rclpy.node import Node
 
 from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup
-from aerarm_ros.autopilot.px4_setup import SENSORS, VISION
+from aerarm_ros.autopilot.px4 import SENSORS, VISION
 from aerarm_ros.description.drone_config import DroneConfig
 
 _INSTANCE = 1 + os.getpid() % 200  # determines ports that parallel flights do not use

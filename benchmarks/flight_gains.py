@@ -14,11 +14,11 @@ import yaml
 from flying.flight_program import FlightProgram
 from flying.flight_way import DRONES, height_frequency, load_drone
 from flying.px4_loops import Px4Flight
+from flying.px4_program import Px4AllGains
 from flying.rejection import DisturbanceObserver, IncrementalEstimate, RejectingFlight
 from flying.rigid_flight import RigidFlight
 from scipy.optimize import minimize
 
-from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward
 from aerarm_ros.flight.flight_control import FlightControl, FlightGains
@@ -41,7 +41,7 @@ def control(kind: str, drone: DroneConfig, flight: RigidFlight, values: np.ndarr
     position, attitude, third = values.tolist()
     arm = ArmFeedForward(drone, flight.body, lead=LEAD) if 'feed_forward' in kind else None
     if 'px4' in kind:
-        px4 = Px4Gains.scaled(position, attitude, third)
+        px4 = Px4AllGains.scaled(position, attitude, third)
         return Px4Flight(drone, flight.body, px4, holds_heading=False), arm
     height = height_frequency(drone, position)
     gains = FlightGains(position, height, attitude)

@@ -25,7 +25,7 @@ from flying.arm_swing import ArmSwing
 from flying.firmware_program import FirmwareProgram
 from flying.flight_way import load_drone
 from flying.node_bench import ros_node
-from flying.px4_program import HOW, Px4Program, find_px4
+from flying.px4_program import HOW, Px4AllGains, Px4Program, Px4Setup, find_px4
 from flying.rigid_flight import RigidFlight
 from geometry_msgs.msg import PoseStamped
 from px4 import GAINS
@@ -37,7 +37,6 @@ from aerarm_ros.autopilot import ardupilot_link
 from aerarm_ros.autopilot.ardupilot_flight import ArduPilotFirmware
 from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
 from aerarm_ros.autopilot.firmware_flight import LockstepFirmware
-from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.px4_link import (
     COMPANION_PORT,
@@ -46,7 +45,6 @@ from aerarm_ros.autopilot.px4_link import (
     CompanionLink,
     SimulatorLink,
 )
-from aerarm_ros.autopilot.px4_setup import Px4Setup
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
@@ -173,7 +171,7 @@ def firmware_of(
     """
     drone, body = flight.drone, flight.body
     if (build := find_px4()) is not None:
-        gains = Px4Gains.scaled(*GAINS)
+        gains = Px4AllGains.scaled(*GAINS)
         setup = Px4Setup(gains)
         program: FirmwareProgram = Px4Program(build, folder, drone, body, setup, _INSTANCE)
         parameters: dict[str, object] = {
@@ -184,7 +182,7 @@ def firmware_of(
         simulator = SimulatorLink(SIMULATOR_PORT + _INSTANCE)
         companion = CompanionLink(COMPANION_PORT + _INSTANCE, OFFBOARD_PORT + _INSTANCE)
         stack.callback(simulator.close)
-        firmware: LockstepFirmware = Px4Firmware(simulator, companion, setup)
+        firmware: LockstepFirmware = Px4Firmware(simulator, companion)
     elif (path := find_ardupilot()) is not None:
         plan = ArduPilotSetup()
         program = ArduPilotProgram(path, folder, drone, body, plan, _INSTANCE, _NODE_PORT)

@@ -23,11 +23,10 @@ from flying.flight_page import Records, report
 from flying.flight_program import PARTS, FlightProgram
 from flying.flight_way import DRONES, FlightWay, load_drone
 from flying.node_bench import FAILURES, reason, ros_node
-from flying.px4_program import HOW, Px4Program, find_px4
+from flying.px4_program import HOW, Px4AllGains, Px4Program, Px4Setup, find_px4
 from rclpy.node import Node
 
-from aerarm_ros.autopilot.px4 import Px4Gains
-from aerarm_ros.autopilot.px4_setup import SENSORS, VISION, Px4Setup
+from aerarm_ros.autopilot.px4 import SENSORS, VISION
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig
@@ -62,13 +61,13 @@ def flight_case(
     drone: DroneConfig, way: str, instance: int, options: argparse.Namespace
 ) -> FlightCase:
     """Return the flight case of a drone and method."""
-    xy, attitude, rate = options.gains
+    _, attitude, rate = options.gains
     holds = drone.is_fully_actuated if options.hold_heading is None else options.hold_heading
     flight = {
-        'loops': 'px4_sitl', 'autopilot_instance': instance, 'mpc_xy_p': xy, 'mc_att_p': attitude,
+        'loops': 'px4_sitl', 'autopilot_instance': instance, 'mc_att_p': attitude,
         'mc_rate_k': rate, 'autopilot_sensors': options.sensors, 'hold_heading': holds,
         'tilt_ahead': _LEANS.get(way, True), **POSITION, **WAYS[way].switches,
-        **(_FULL_YAW if drone.is_fully_actuated else {}),
+        **({'mc_yawrate_p': _FULL_YAW['mc_yawrate_p']} if drone.is_fully_actuated else {}),
     }  # fmt: skip
     return noisy_case(drone, way, flight, options.imu_noise, options.odometry_noise)
 
@@ -92,7 +91,7 @@ def flying(
 ) -> Iterator[tuple[FlightBench, Path]]:  # fmt: skip
     """Start PX4 and bring the drone into the air; yield its test bench and PX4's log."""
     yaw = _FULL_YAW if drone.is_fully_actuated else {}
-    setup = Px4Setup(Px4Gains.scaled(*options.gains, **yaw), options.sensors)
+    setup = Px4Setup(Px4AllGains.scaled(*options.gains, **yaw), options.sensors)
     instance = _INSTANCE + number
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         place, body = Path(folder), at_rest(drone, arm)

@@ -7,9 +7,9 @@ import numpy as np
 from aerarm_ros.autopilot.ardupilot_link import JsonLink, sensor_line
 from aerarm_ros.autopilot.firmware_flight import LockstepFirmware
 from aerarm_ros.autopilot.mavlink_line import ARMED, SET_INTERVAL
+from aerarm_ros.autopilot.px4 import VISION
 from aerarm_ros.autopilot.px4_link import CompanionLink
 from aerarm_ros.autopilot.px4_sensors import FRAME_LOCAL_FRD, odometry_frame
-from aerarm_ros.autopilot.px4_setup import VISION
 from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.motion.signals import Array
 
@@ -33,7 +33,7 @@ class ArduPilotFirmware(LockstepFirmware):
     rotors : sequence of int
         Rotor of each motor, see `ardupilot_setup.motors_of`.
     sensors : str
-        One of `px4_setup.SENSORS`; with GPS, ArduPilot simulates the receiver itself.
+        One of `px4.SENSORS`; with GPS, ArduPilot simulates the receiver itself.
     """
 
     _name, _system, _second = 'ArduPilot', 1, 1.0

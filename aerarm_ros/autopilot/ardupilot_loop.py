@@ -1,20 +1,18 @@
 """Set points for ArduCopter's position loop, with feedforward of the arm's motion."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from aerarm_ros.autopilot.px4 import heading, ned
+from aerarm_ros.autopilot.px4_set_points import TAKES_YAW, position_target
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.checks import non_negative_number
 from aerarm_ros.flight.arm_load import FeedForward
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
 
-_FRAME_LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
-_TAKES_YAW, _TAKES_NO_YAW = 1 << 11, 3 << 10  # POSITION_TARGET_TYPEMASK
+_TAKES_NO_YAW = 3 << 10  # POSITION_TARGET_TYPEMASK
 _STEP_MAX = 0.05  # [s]
 _LEVEL = np.array([1.0, 1.0, 0.0])
 
@@ -45,17 +43,6 @@ class ArduPilotLoop:
         """Check that no gain of the position loop is negative."""
         for name, value in vars(self).items():
             non_negative_number(name, value)
-
-    def parameters(self) -> Mapping[str, float]:
-        """Return the gains of the position loop as a mapping from ArduPilot's parameter names."""
-        return {
-            'PSC_POSXY_P': self.position_p,
-            'PSC_VELXY_P': self.velocity_p,
-            'PSC_VELXY_I': self.velocity_i,
-            'PSC_VELXY_D': 0.0,
-            'PSC_VELXY_FLTE': 0.0,
-            'PSC_JERK_XY': 20.0,
-        }
 
 
 class LoopMotion(NamedTuple):
@@ -138,12 +125,10 @@ class ArduPilotSetPoints:
         frame in ArduPilot's local frame, north-east-down [m].
         """
         moved = self._offset.update(self._acceleration.update(arm, state.rotation, dt), dt)
-        x, y, z = (ned(target.position + moved.offset) + origin).tolist()
-        vx, vy, vz = ned(target.velocity + moved.speed).tolist()
-        ax, ay, az = ned(target.acceleration + moved.acceleration).tolist()
-        mask = _TAKES_YAW if self._holds_heading else _TAKES_NO_YAW
-        return 'SET_POSITION_TARGET_LOCAL_NED', {
-            'coordinate_frame': _FRAME_LOCAL_NED, 'type_mask': mask,
-            'x': x, 'y': y, 'z': z, 'vx': vx, 'vy': vy, 'vz': vz, 'afx': ax, 'afy': ay, 'afz': az,
-            'yaw': heading(target.yaw),
-        }  # fmt: skip
+        led = FlightTarget(
+            target.position + moved.offset,
+            target.yaw,
+            target.velocity + moved.speed,
+            target.acceleration + moved.acceleration,
+        )
+        return position_target(led, TAKES_YAW if self._holds_heading else _TAKES_NO_YAW, origin)

@@ -9,7 +9,7 @@ from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, BetaflightLi
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
-from aerarm_ros.flight.flight_control import FlightGains
+from aerarm_ros.flight.flight_control import FlightGains, PositionLoop
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
 from aerarm_ros.motion.signals import Array, limited
 
@@ -60,47 +60,6 @@ class BetaflightSetup:
     yaw_rate: int = 120
     idle: float = 0.055
 
-    def commands(self, drone: DroneConfig) -> list[str]:
-        """Return the Betaflight CLI commands of these settings for a drone, without `save`."""
-        rates = [
-            f'set {axis}_{what} = {value}'
-            for axis, rate in (('roll', 36), ('pitch', 36), ('yaw', self.yaw_rate // 10))
-            for what, value in (('rc_rate', rate), ('srate', rate), ('expo', 0))
-        ]
-        gains = [
-            f'set {what}_{axis} = {value}'
-            for axis in ('roll', 'pitch')
-            for what, value in (('p', self.p), ('i', self.i), ('d', 0), ('d_max', 0), ('f', 0))
-        ]
-        yaw = ['set p_yaw = 60', 'set i_yaw = 20', 'set f_yaw = 0']
-        settings = {
-            'simplified_pids_mode': 'OFF',
-            'motor_idle': round(1e4 * self.idle),
-            'angle_p_gain': self.angle_gain,
-            'angle_limit': self.angle_limit,
-            'angle_feedforward': 0,
-            'min_check': _LOW,
-            'rc_smoothing': 'OFF',
-            'iterm_relax': 'OFF',
-            'pidsum_limit': 1000,
-            # A larger limit would bring rotors to idle, which lifts the drone.
-            'pidsum_limit_yaw': 200,
-            'throttle_boost': 0,
-            'tpa_rate': 0,
-            'anti_gravity_gain': 0,
-            'small_angle': 180,
-        }
-        return [
-            f'mixer {_mixer(drone)[0]}',
-            'feature -ANTI_GRAVITY',
-            'aux 0 0 0 1700 2100 0 0',  # ARM by AUX1
-            'aux 1 1 1 900 2100 0 0',  # always ANGLE, by AUX2
-            *(f'set {name} = {value}' for name, value in settings.items()),
-            *gains,
-            *yaw,
-            *rates,
-        ]
-
     def throttle(self, share: float) -> int:
         """Return the throttle pulse [us] at which each motor gives this fraction of thrust."""
         part = min(max((share - self.idle) / (1.0 - self.idle), 0.0), 1.0)
@@ -108,7 +67,7 @@ class BetaflightSetup:
 
     def motors_of(self, drone: DroneConfig) -> list[int]:
         """Return the motor number of each rotor; raise ValueError if no mixer fits the drone."""
-        motors = _mixer(drone)[1]
+        motors = mixer_of(drone)[1]
         return [motors.index(rotor) for rotor in range(drone.n)]
 
     @property
@@ -118,7 +77,7 @@ class BetaflightSetup:
 
     def rate_gain(self, drone: DroneConfig) -> float:
         """Return the roll or pitch loop's moment per angular velocity error [Nm s/rad]."""
-        name, order = _mixer(drone)
+        name, order = mixer_of(drone)
         shares = np.array(_MIXERS[drone.n][1])[:, :2]
         places = np.array([drone.rotors[rotor].position for rotor in order])
         most = np.array([drone.rotors[rotor].thrust_max for rotor in order])
@@ -133,7 +92,7 @@ class BetaflightSetup:
         return self.i * _I_SCALE / (self.p * _P_SCALE)
 
 
-def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
+def mixer_of(drone: DroneConfig) -> tuple[str, list[int]]:
     """Return the name of Betaflight's mixer for a drone, and the rotor number of each motor."""
     if drone.is_fully_actuated or drone.n not in _MIXERS:
         raise ValueError(
@@ -159,7 +118,6 @@ def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
 
 
 _UP = np.array([0.0, 0.0, 1.0])
-_INTEGRAL = 3.0  # [m/s^2] largest integral action
 _HEADING = 1.5  # [1/s] angular velocity per error of the heading
 _TRY, _PAUSE = 3.0, 0.5  # [s] for which the arming switch is on, and off in between
 _SILENCE = 0.5  # [s] without motor outputs
@@ -204,6 +162,7 @@ class BetaflightFlight:
     ) -> None:
         self._setup = setup = BetaflightSetup() if setup is None else setup
         self._gains = FlightGains() if gains is None else gains
+        self._loop = PositionLoop(self._gains)
         self._motors = setup.motors_of(drone)
         self._thrust_max = drone.column('thrust_max')
         self._firmware = firmware
@@ -215,7 +174,7 @@ class BetaflightFlight:
 
     def reset(self) -> None:
         """Reset the integral of the position loop, and the arming state."""
-        self._push = np.zeros(3)
+        self._loop.reset()
         self._switched = 0.0
         self._silence = np.inf
         self._thrust = np.zeros(len(self._thrust_max))
@@ -227,15 +186,7 @@ class BetaflightFlight:
     ) -> Array:
         """Return the rotors' thrusts (n,) [N] that move the drone to the target."""
         arm = self._at_rest if arm is None else arm
-        gains = self._gains
-        frequency = gains.position_frequencies
-        kp, kd = frequency**2, 2.0 * gains.position_damping * frequency
-        error = target.position - state.position
-        error = kd / kp * limited(kp / kd * error, gains.speed_max)
-        if self._is_armed:
-            step = gains.position_integral * frequency * kp * dt * error
-            self._push = np.clip(self._push + step, -_INTEGRAL, _INTEGRAL)
-        feedback = kp * error + kd * (target.velocity - state.velocity) + self._push
+        feedback = self._loop.update(state, target, dt if self._is_armed else 0.0)
         fed = self._acceleration.update(arm, state.rotation, dt)
         force = arm.body.mass * (target.acceleration + feedback + fed + GRAVITY * _UP)
         turn = target.yaw - yaw_of(state.rotation)

@@ -15,8 +15,6 @@ from typing import Any
 _DEFINITIONS = """
 0 HEARTBEAT: uint8_t type, uint8_t autopilot, uint8_t base_mode, uint32_t custom_mode, uint8_t
     system_status, uint8_t mavlink_version
-30 ATTITUDE: uint32_t time_boot_ms, float roll, float pitch, float yaw, float rollspeed, float
-    pitchspeed, float yawspeed
 31 ATTITUDE_QUATERNION: uint32_t time_boot_ms, float q1, float q2, float q3, float q4, float
     rollspeed, float pitchspeed, float yawspeed; float[4] repr_offset_q
 32 LOCAL_POSITION_NED: uint32_t time_boot_ms, float x, float y, float z, float vx, float vy, float

@@ -10,12 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.checks import non_negative_number, positive
-from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
+from aerarm_ros.flight.arm_load import MassProperties
 from aerarm_ros.motion.signals import Array
 
 _WORLD = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _BODY = np.array([1.0, -1.0, -1.0])
 _NO_TORQUE = 1e-3  # smallest entry of a rotor in PX4's mixer
+
+
+VISION, GPS = 'vision', 'gps'
+SENSORS = VISION, GPS
+"""Position sources of the autopilot: odometry, as from motion capture, or a satellite receiver."""
 
 
 def ned(vector: npt.ArrayLike) -> Array:
@@ -60,35 +66,51 @@ def torque_unit(drone: DroneConfig) -> Array:
     return np.array([1.0 / scale, 1.0 / scale, 1.0 / float(mixer[:, 2].max())])
 
 
+def hover_share(drone: DroneConfig, body: MassProperties) -> float:
+    """Return the hover thrust divided by the largest total thrust of all rotors.
+
+    Raises
+    ------
+    ValueError
+        If the share is not between 10 and 80 %.
+    """
+    lift = float(np.abs(drone.allocation[2]) @ drone.column('thrust_max'))
+    hover = body.mass * GRAVITY / lift
+    if not 0.1 <= hover <= 0.8:
+        raise ValueError(
+            f'the drone hovers at {100.0 * hover:.0f} % of its largest thrust, but PX4 '
+            '(MPC_THR_HOVER) and ArduPilot (MOT_THST_HOVER) accept 10 to 80 %: check mass and '
+            'thrust_max in the drone file'
+        )
+    return hover
+
+
+def force_unit(drone: DroneConfig) -> Array:
+    """Return the force [N] along each body axis for PX4's normalized thrust 1, (3,).
+
+    ControlAllocationPseudoInverse scales its mixer by one over the mean nonzero entry of a column.
+    An axis without entries has the unit of the body's z axis.
+    """
+    mixer = np.abs(np.linalg.pinv(drone.allocation * drone.column('thrust_max'))[:, :3])
+    counts = np.count_nonzero(mixer > 1e-7, axis=0)
+    means = np.where(counts > 0, mixer.sum(axis=0) / np.maximum(counts, 1), 0.0)
+    return np.array(1.0 / np.where(means > 0.0, means, means[2]))
+
+
 @dataclass(frozen=True)
 class Px4Gains:
-    """Gains of PX4's multicopter loops, by PX4's parameter names, with PX4's defaults of 2026.
+    """Gains of PX4's attitude and rate loops, by PX4's names, with PX4's defaults of 2026.
 
     Attributes
     ----------
-    mpc_xy_p, mpc_z_p : float
-        Velocity per position error [1/s].
-    mpc_xy_vel_p_acc, mpc_z_vel_p_acc : float
-        Acceleration per velocity error [1/s].
-    mpc_xy_vel_i_acc, mpc_z_vel_i_acc : float
-        Acceleration per integral of the velocity error [1/s^2].
-    mpc_xy_vel_d_acc, mpc_z_vel_d_acc : float
-        Acceleration per derivative of the velocity error [-].
     mc_att_p, mc_yaw_p : float
         Angular velocity per attitude error [1/s]: MC_ROLL_P and MC_PITCH_P, or MC_YAW_P.
     mc_rate_k : float
-        Common factor of the next three gains: MC_ROLLRATE_K and MC_PITCHRATE_K [-].
-    mc_rate_p, mc_rate_i, mc_rate_d : float
-        Normalized torque (`torque_unit`) per angular velocity error, its integral and the angular
-        acceleration.
-    mc_yawrate_p, mc_yawrate_i : float
-        Normalized torque per angular velocity error about the vertical, and its integral.
-    mc_yaw_tq_cutoff : float
-        MC_YAW_TQ_CUTOFF, the cut-off frequency of the yaw torque's low-pass filter [Hz].
-    tilt_max : float
-        MPC_TILTMAX_AIR, the largest commanded tilt [rad].
-    thrust_min : float
-        MPC_THR_MIN, the least commanded thrust as a fraction of the largest.
+        Common factor of the next two gains: MC_ROLLRATE_K and MC_PITCHRATE_K [-].
+    mc_rate_p, mc_rate_i : float
+        Normalized torque (`torque_unit`) per angular velocity error and its integral.
+    mc_yawrate_p : float
+        Normalized torque per angular velocity error about the vertical.
 
     Raises
     ------
@@ -96,51 +118,12 @@ class Px4Gains:
         If a gain is negative, or a proportional gain is not positive.
     """
 
-    mpc_xy_p: float = 0.95
-    mpc_z_p: float = 1.0
-    mpc_xy_vel_p_acc: float = 1.8
-    mpc_z_vel_p_acc: float = 4.0
-    mpc_xy_vel_i_acc: float = 0.4
-    mpc_z_vel_i_acc: float = 2.0
-    mpc_xy_vel_d_acc: float = 0.2
-    mpc_z_vel_d_acc: float = 0.0
     mc_att_p: float = 4.0
     mc_yaw_p: float = 2.8
     mc_rate_k: float = 1.0
     mc_rate_p: float = 0.15
     mc_rate_i: float = 0.2
-    mc_rate_d: float = 0.003
     mc_yawrate_p: float = 0.2
-    mc_yawrate_i: float = 0.1
-    mc_yaw_tq_cutoff: float = 2.0
-    tilt_max: float = 0.785
-    thrust_min: float = 0.12
-
-    @classmethod
-    def scaled(
-        cls,
-        mpc_xy_p: float,
-        mc_att_p: float,
-        mc_rate_k: float,
-        mc_yawrate_p: float = 0.2,
-        mc_yaw_tq_cutoff: float = 2.0,
-    ) -> 'Px4Gains':
-        """Return gains with the velocity loop scaled in proportion to the position gain.
-
-        The gains `mpc_xy_vel_p_acc` and `mpc_xy_vel_i_acc` are scaled like `mpc_xy_p`, and
-        `mc_yawrate_i` by the ratio of `mc_yawrate_p` to its default.
-        """
-        share = mpc_xy_p / cls.mpc_xy_p
-        return cls(
-            mpc_xy_p=mpc_xy_p,
-            mpc_xy_vel_p_acc=share * cls.mpc_xy_vel_p_acc,
-            mpc_xy_vel_i_acc=share * cls.mpc_xy_vel_i_acc,
-            mc_att_p=mc_att_p,
-            mc_rate_k=mc_rate_k,
-            mc_yawrate_p=mc_yawrate_p,
-            mc_yawrate_i=cls.mc_yawrate_i / cls.mc_yawrate_p * mc_yawrate_p,
-            mc_yaw_tq_cutoff=mc_yaw_tq_cutoff,
-        )
 
     def __post_init__(self) -> None:
         """Check that proportional gains are positive, and that no other value is negative."""

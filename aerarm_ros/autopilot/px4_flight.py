@@ -7,9 +7,9 @@ import numpy as np
 from aerarm_ros.autopilot.firmware_flight import LockstepFirmware
 from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.mavlink_line import companion_writer
+from aerarm_ros.autopilot.px4 import GPS, VISION
 from aerarm_ros.autopilot.px4_link import CompanionLink, Controls, SimulatorLink
 from aerarm_ros.autopilot.px4_sensors import SensorFrames
-from aerarm_ros.autopilot.px4_setup import GPS, Px4Setup
 from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.motion.signals import Array
 
@@ -29,8 +29,8 @@ class Px4Firmware(LockstepFirmware):
 
     Parameters
     ----------
-    setup : Px4Setup
-        Setup of the firmware.
+    sensors : str
+        One of `px4.SENSORS`.
     seed : int
         Seed of the sensors' noise.
     """
@@ -44,14 +44,18 @@ class Px4Firmware(LockstepFirmware):
     _worries = ('Arming denied', 'Preflight')
 
     def __init__(
-        self, simulator: SimulatorLink, companion: CompanionLink, setup: Px4Setup, seed: int = 0
+        self,
+        simulator: SimulatorLink,
+        companion: CompanionLink,
+        sensors: str = VISION,
+        seed: int = 0,
     ) -> None:
         super().__init__(simulator, companion)
         self._simulator = simulator
-        self._frames = SensorFrames(companion_writer(), setup.sensors, seed)
+        self._frames = SensorFrames(companion_writer(), sensors, seed)
         self._time, self._beat_at, self._sent = float(STEP_US), 0.0, 0
         self._is_heard = False
-        self._is_gps = setup.sensors == GPS
+        self._is_gps = sensors == GPS
         self._offsets: list[Array] = []
         self._placed: float | None = None
         self._controls: Controls | None = None

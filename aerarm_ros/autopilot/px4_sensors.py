@@ -4,8 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerarm_ros.autopilot.mavlink import FrameWriter
-from aerarm_ros.autopilot.px4 import frd_rotation, ned
-from aerarm_ros.autopilot.px4_setup import GPS
+from aerarm_ros.autopilot.px4 import GPS, frd_rotation, ned
 from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY
 from aerarm_ros.flight.flight_state import FlightState
@@ -36,7 +35,7 @@ class SensorFrames:
     Parameters
     ----------
     sensors : str
-        One of `px4_setup.SENSORS`.
+        One of `px4.SENSORS`.
     seed : int
         Seed of the noise.
     gps_noise : tuple of float

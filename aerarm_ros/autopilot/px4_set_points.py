@@ -5,22 +5,20 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerarm_ros.autopilot.px4 import Px4Gains, frd_rotation, heading, ned, torque_unit
-from aerarm_ros.autopilot.px4_setup import force_unit
+from aerarm_ros.autopilot.px4 import Px4Gains, force_unit, frd_rotation, heading, ned, torque_unit
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward
-from aerarm_ros.flight.flight_control import FlightGains
+from aerarm_ros.flight.flight_control import FlightGains, PositionLoop
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
-from aerarm_ros.motion.signals import Array, limited
+from aerarm_ros.motion.signals import Array
 
 _UP = np.array([0.0, 0.0, 1.0])
 _FRAME_LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
 # Bits of POSITION_TARGET_TYPEMASK that ignore the yaw, or the yaw rate.
-_TAKES_YAW_RATE, _TAKES_YAW = 1 << 10, 1 << 11
+_TAKES_YAW_RATE, TAKES_YAW = 1 << 10, 1 << 11
 _NO_RATES, _THRUST_BODY = 7, 32  # of ATTITUDE_TARGET_TYPEMASK
-_INTEGRAL = 3.0  # [m/s^2] largest integral action
 _STEP_MAX = 0.05  # [s]
 
 
@@ -37,6 +35,22 @@ def tilt_ahead(gains: Px4Gains, drone: DroneConfig) -> SetPointAcceleration:
     yaw_gain = gains.mc_yaw_p * gains.mc_yawrate_p * float(unit[2])
     lasting = gains.mc_rate_i / gains.mc_rate_p
     return SetPointAcceleration(gains.mc_att_p, rate_gain, lasting, yaw_gain)
+
+
+def position_target(target: FlightTarget, mask: int, origin: Array) -> tuple[str, dict[str, Any]]:
+    """Return name and fields of the MAVLink message with position, velocity and acceleration.
+
+    `mask` is the message's type mask. `origin` (3,) is the origin of the target's frame in the
+    autopilot's local frame, north-east-down [m].
+    """
+    x, y, z = (ned(target.position) + origin).tolist()
+    vx, vy, vz = ned(target.velocity).tolist()
+    ax, ay, az = ned(target.acceleration).tolist()
+    return 'SET_POSITION_TARGET_LOCAL_NED', {
+        'coordinate_frame': _FRAME_LOCAL_NED, 'type_mask': mask, 'x': x, 'y': y, 'z': z,
+        'vx': vx, 'vy': vy, 'vz': vz, 'afx': ax, 'afy': ay, 'afz': az,
+        'yaw': heading(target.yaw),
+    }  # fmt: skip
 
 
 class Px4SetPoints:
@@ -66,12 +80,11 @@ class Px4SetPoints:
         acceleration: SetPointAcceleration | None = None,
         holds_heading: bool = True,
     ) -> None:
-        self._gains = FlightGains() if gains is None else gains
+        self._loop = PositionLoop(FlightGains() if gains is None else gains)
         self._acceleration = acceleration or SetPointAcceleration()
         self._holds_heading = holds_heading
         self._is_full = drone.is_fully_actuated
         self._force_unit = force_unit(drone)
-        self.reset()
 
     @property
     def needs_state(self) -> bool:
@@ -80,7 +93,7 @@ class Px4SetPoints:
 
     def reset(self) -> None:
         """Reset the integral of the position loop."""
-        self._push = np.zeros(3)
+        self._loop.reset()
 
     def message(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
@@ -93,27 +106,14 @@ class Px4SetPoints:
         if self._is_full:
             return self._attitude(state, target, dt, arm)
         fed = self._acceleration.update(arm, state.rotation, dt)
-        x, y, z = (ned(target.position) + origin).tolist()
-        vx, vy, vz = ned(target.velocity).tolist()
-        ax, ay, az = ned(target.acceleration + fed).tolist()
-        mask = _TAKES_YAW if self._holds_heading else _TAKES_YAW_RATE
-        return 'SET_POSITION_TARGET_LOCAL_NED', {
-            'coordinate_frame': _FRAME_LOCAL_NED, 'type_mask': mask, 'x': x, 'y': y, 'z': z,
-            'vx': vx, 'vy': vy, 'vz': vz, 'afx': ax, 'afy': ay, 'afz': az,
-            'yaw': heading(target.yaw),
-        }  # fmt: skip
+        led = target._replace(acceleration=target.acceleration + fed)
+        mask = TAKES_YAW if self._holds_heading else _TAKES_YAW_RATE
+        return position_target(led, mask, origin)
 
     def _attitude(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward
     ) -> tuple[str, dict[str, Any]]:
-        gains, body = self._gains, arm.body
-        frequency = gains.position_frequencies
-        kp, kd = frequency**2, 2.0 * gains.position_damping * frequency
-        error = target.position - state.position
-        error = kd / kp * limited(kp / kd * error, gains.speed_max)
-        step = gains.position_integral * frequency * kp * min(dt, _STEP_MAX) * error
-        self._push = np.clip(self._push + step, -_INTEGRAL, _INTEGRAL)
-        feedback = kp * error + kd * (target.velocity - state.velocity) + self._push
+        body, feedback = arm.body, self._loop.update(state, target, min(dt, _STEP_MAX))
         level = pin.exp3(yaw_of(state.rotation) * _UP)
         force = body.mass * (target.acceleration + feedback + GRAVITY * _UP)
         in_body = frd_to_flu(state.rotation.T @ (force - level @ arm.wrench[:3]))

@@ -141,6 +141,37 @@ class FlightGains:
         return np.array([self.position_frequency, self.position_frequency, self.height_frequency])
 
 
+_PUSH_MAX = 3.0  # [m/s^2] largest integral action of a `PositionLoop`
+
+
+class PositionLoop:
+    """PID control of the position in front of a firmware that controls the attitude.
+
+    Parameters
+    ----------
+    gains : FlightGains
+        Gains of the position loop, and the largest speed toward a set point.
+    """
+
+    def __init__(self, gains: FlightGains) -> None:
+        self._speed_max = gains.speed_max
+        frequency = gains.position_frequencies
+        self._gains = _pid(frequency, gains.position_damping, gains.position_integral)
+        self.reset()
+
+    def reset(self) -> None:
+        """Reset the integral."""
+        self._push = np.zeros(3)
+
+    def update(self, state: FlightState, target: FlightTarget, dt: float) -> Array:
+        """Return the acceleration (3,) [m/s^2] toward a target; `dt` is a step [s]."""
+        kp, kd, ki = self._gains
+        error = target.position - state.position
+        error = kd / kp * limited(kp / kd * error, self._speed_max)
+        self._push = np.clip(self._push + ki * dt * error, -_PUSH_MAX, _PUSH_MAX)
+        return np.asarray(kp * error + kd * (target.velocity - state.velocity) + self._push)
+
+
 _UP = np.array([0.0, 0.0, 1.0])
 _SIDEWAYS = np.array([1.0, 1.0, 0.0])
 # Limits of integrals: an acceleration [m/s^2], and a moment over the weight [m],

@@ -23,7 +23,7 @@ from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
 from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, OdometrySample
-from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, rejection
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, Rejections
 from aerarm_ros.ros.executors import BackgroundExecutor, create_steady_timer
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone, to_path, to_target
 from aerarm_ros.ros.flight.flight_parameters import (
@@ -48,7 +48,6 @@ _NAP = 1e-3  # [s]
 _STEP_MAX = 0.05  # [s] longest interval over which an integral grows in one step
 _LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, bounds of a trajectory's start
 _PUBLISHED = 5e-3  # [s] between two forecasts of base_reaction
-_REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 
 PARAMETERS = ParameterTable(*ARM_FILES, DRONE_FILE, *FLIGHT_PARAMETERS, *REAL_TIME_PARAMETERS)
 
@@ -89,13 +88,13 @@ class FlightControlNode:
         self._doing = 'waiting for odometry'
         self._thrust = np.zeros(drone.n)
         self._error = np.zeros(3)
-        self._answers = self._rejections = self._late = 0
+        self._answers = self._late = 0
         self._reported = 0, 0  # commands and late forecasts at the last report
         self._waits_for_arm = True
-        self._rejection, self._rejected_at = '', -np.inf
+        self._rejections = Rejections(self.node)
         self._requests: deque[Callable[[], None]] = deque()
         self._stopping = False
-        self._stream = FlightStream(self.node, self._reject)
+        self._stream = FlightStream(self.node, self._rejections.add)
         self._publisher = topics.ROTOR_COMMAND.publisher(self.node)
         topics.FLIGHT_SET_POINT.subscription(self.node, self._on_set_point)
         topics.FLIGHT_TRAJECTORY.subscription(self.node, self._on_trajectory)
@@ -114,7 +113,9 @@ class FlightControlNode:
                     self._take()
                 else:
                     self._note_silence()
-        print_answer(f'{NAME}: {self._answers} commands sent, {self._rejections} inputs rejected')
+        print_answer(
+            f'{NAME}: {self._answers} commands sent, {self._rejections.count} inputs rejected'
+        )
 
     def close(self) -> None:
         """Destroy the node."""
@@ -242,16 +243,13 @@ class FlightControlNode:
     def _report(self) -> None:
         missing = self._estimator.missing()
         forecast_problem = self._forecast_problem()
-        problem = self._doing
-        if not problem and time.monotonic() - self._rejected_at < _REMEMBERED:
-            problem = rejection(self._rejection)
+        problem = self._doing or self._rejections.recent
         if not problem and missing:
             problem = f'{" and ".join(missing)} silent'
         problem = problem or forecast_problem
         values: dict[str, object] = {
             'commands': self._answers,
-            'rejected inputs': self._rejections,
-            'last rejection': self._rejection,
+            'rejected inputs': self._rejections.count,
             'late arm forecasts': self._late,
             'position error [m]': f'{np.linalg.norm(self._error):.3f}',
             'largest thrust [%]': f'{100.0 * (self._thrust / self._thrust_max).max():.0f}',
@@ -274,12 +272,7 @@ class FlightControlNode:
         try:
             action()
         except RejectedInputError as error:
-            self._reject(str(error))
-
-    def _reject(self, reason: str) -> None:
-        self._rejections += 1
-        self._rejection, self._rejected_at = reason, time.monotonic()
-        self.node.get_logger().warning(rejection(reason), throttle_duration_sec=1.0)
+            self._rejections.add(str(error))
 
     def _on_stop(self) -> None:
         self._stopping = True

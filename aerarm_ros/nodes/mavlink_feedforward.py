@@ -14,11 +14,9 @@ from typing import Any
 import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Odometry
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
-from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
@@ -35,11 +33,11 @@ from aerarm_ros.control.base.base_motion import quaternion
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.drone_urdf import BODY_LINK, IMU_LINK
-from aerarm_ros.flight.arm_load import ArmFeedForward, FeedForward
+from aerarm_ros.flight.arm_load import FeedForward
 from aerarm_ros.flight.flight_state import FlightPath, FlightState, FlightTarget
-from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, Rejections
 from aerarm_ros.ros.executors import create_steady_timer
-from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone, to_path, to_target
+from aerarm_ros.ros.flight.flight_inputs import ClockedArm, load_flown_drone, to_path, to_target
 from aerarm_ros.ros.flight.set_point_node import (
     FEED_PARAMETERS,
     FIRMWARE_PARAMETERS,
@@ -47,18 +45,17 @@ from aerarm_ros.ros.flight.set_point_node import (
     ardupilot_loop,
     ardupilot_moment_unit,
     set_point_acceleration,
-    time_problem,
 )
+from aerarm_ros.ros.messages import imu_message, odometry_message
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import StopSignals
-from aerarm_ros.ros.states.arm_clock import ArmClock
+from aerarm_ros.ros.states.state_stream import base_header
 
 NAME = 'mavlink_feedforward'
 _LISTEN = 0.002  # [s] longest wait for data on the MAVLink line
-_REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 _REPLY = 2.0  # [s] for which a service waits for the autopilot's answer
 _WORLD = 'odom'
 _OUTPUTS = 'ACTUATOR_OUTPUT_STATUS', 'SERVO_OUTPUT_RAW'
@@ -128,23 +125,21 @@ class MavlinkFeedforward:
         rates = {'attitude': values.state_rate, 'place': values.state_rate,
                  'imu': values.imu_rate, 'outputs': values.output_rate}  # fmt: skip
         self._autopilot = MavlinkAutopilot(self._line, rates)
-        self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
+        self._rejections = Rejections(self.node)
+        self._arm = ClockedArm(self.node, drone, body, values.feed_lead, self._rejections.add)
         self._set_points = self._create_set_points(drone)
         self._thrust_max = drone.column('thrust_max')
         self._cdr = JointStateCdr(drone.rotor_names)
         self._target: FlightTarget | None = None
         self._path: tuple[float, FlightPath] | None = None
-        self._target_time = self._rejected_at = -np.inf
-        self._rejection = self._logged = ''
-        self._ahead: float | None = None
-        self._sent = self._rejections = 0
+        self._target_time = -np.inf
+        self._logged = ''
+        self._sent = 0
         self._answered: Future | None = None  # of the request that waits for the autopilot
         self._answer_by = np.inf
         self._is_stopping = False
         self._last = time.monotonic()
         self._make_topics()
-        ArmTopics(self.node, self._arm, self._on_arm)
-        self._clock = ArmClock(self.node)
         self._diagnostics = DiagnosticsPublisher(self.node, config.name)
         create_steady_timer(self.node, 1.0 / values.rate, self._send)
         create_steady_timer(self.node, PERIOD, self._report)
@@ -208,36 +203,25 @@ class MavlinkFeedforward:
             self._answered.set_result(None)
 
     def _publish(self, message: Message, now: float) -> None:
-        stamp_ns = self._clock.now_ns()
+        stamp_ns = self._arm.clock.now_ns()
         if message.name == 'LOCAL_POSITION_NED' and (state := self._autopilot.state(now)):
-            self._odometry.publish(_odometry(state, stamp_ns))
-        elif message.name == 'HIGHRES_IMU':
-            self._publish_imu(stamp_ns, now)
+            pose = state.position, quaternion(state.rotation)
+            twist = state.rotation.T @ state.velocity, state.rate
+            header = base_header(stamp_ns, _WORLD)
+            self._odometry.publish(odometry_message(header, BODY_LINK, *pose, *twist))
+        elif message.name == 'HIGHRES_IMU' and (reading := self._autopilot.imu):
+            attitude = self._autopilot.attitude if self._autopilot.has_attitude(now) else None
+            self._imu.publish(imu_message(base_header(stamp_ns, IMU_LINK), attitude, *reading))
         elif message.name in _OUTPUTS and self._autopilot.outputs is not None:
             low, high = self.values.output_range
             shares = (self._autopilot.outputs[self._channels] - low) / (high - low)
             thrust = np.clip(shares, 0.0, 1.0) * self._thrust_max
             self._rotors.publish(self._cdr.pack(stamp_ns, effort=thrust))
 
-    def _publish_imu(self, stamp_ns: int, now: float) -> None:
-        reading = self._autopilot.imu
-        if reading is None:
-            return
-        message = Imu()
-        _stamp(message, stamp_ns, IMU_LINK)
-        attitude = self._autopilot.attitude
-        if attitude is None or not self._autopilot.has_attitude(now):
-            message.orientation_covariance[0] = -1.0
-        else:
-            _fill(message.orientation, 'xyzw', attitude)
-        _fill(message.angular_velocity, 'xyz', reading.rate)
-        _fill(message.linear_acceleration, 'xyz', reading.force)
-        self._imu.publish(message)
-
     def _send(self) -> None:
         now = time.monotonic()
         dt, self._last = now - self._last, now
-        arm = self._arm.at(1e-9 * self._clock.now_ns())
+        arm = self._arm.now()
         state, target = self._autopilot.state(now), self._wanted(now)
         if target is None or self._link_problem(now):
             self._set_points.reset()
@@ -295,7 +279,7 @@ class MavlinkFeedforward:
                     'wait for its position estimate, then send the trajectory again'
                 )
             stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-            delay = stamp - 1e-9 * self._clock.now_ns() if stamp else 0.0
+            delay = stamp - 1e-9 * self._arm.clock.now_ns() if stamp else 0.0
             if not -1.0 < delay < 60.0:
                 raise RejectedInputError(
                     f'flight_trajectory rejected, because its stamp is {delay:+.1f} s from now '
@@ -329,37 +313,27 @@ class MavlinkFeedforward:
             response.message += f': {self._autopilot.text}'
         return response
 
-    def _on_arm(self, action: Callable[[], None]) -> None:
-        before = self._arm.newest
-        self._try(action)
-        newest = self._arm.newest
-        if newest is not None and newest != before:
-            ahead = newest - 1e-9 * self._clock.now_ns()
-            self._ahead = ahead if self._ahead is None else max(self._ahead, ahead)
-
     def _on_parameter(self, _: str, value: Any) -> None:
-        self._arm.lead = value
+        self._arm.set_lead(value)
 
     def _try(self, action: Callable[[], None]) -> None:
         try:
             action()
         except RejectedInputError as error:
-            self._rejections += 1
-            self._rejection, self._rejected_at = str(error), time.monotonic()
-            self.node.get_logger().warning(f'rejected: {error}', throttle_duration_sec=1.0)
+            self._rejections.add(str(error))
 
     def _problem(self, now: float) -> str:
         """Return the most important problem for /diagnostics, or an empty string."""
-        ahead, self._ahead = self._ahead, None
+        arm_problem = self._arm.problem()
         if problem := self._link_problem(now):
             return problem
         if silent := self._autopilot.silent(now):
             return f'the autopilot does not send {", ".join(silent)}'
-        if now - self._rejected_at < _REMEMBERED:
-            return f'rejected: {self._rejection}'
+        if recent := self._rejections.recent:
+            return recent
         if self._wanted(now) is None:
             return 'no set points received, so the node sends none to the autopilot'
-        return '' if ahead is None else time_problem(ahead, self.values.feed_lead)
+        return arm_problem
 
     def _report(self) -> None:
         now, autopilot = time.monotonic(), self._autopilot
@@ -376,7 +350,7 @@ class MavlinkFeedforward:
             'mode': autopilot.mode,
             'sent': self._sent,
             'damaged frames': self._line.damaged,
-            'rejected inputs': self._rejections,
+            'rejected inputs': self._rejections.count,
             "autopilot's last warning": autopilot.text,
         }
         self._diagnostics.report(self._problem(now), values)
@@ -406,27 +380,6 @@ def _channels(values: Any, drone: DroneConfig) -> list[int]:
             f'the parameter output_range is {values.output_range}: set two increasing numbers'
         )
     return [channel - 1 for channel in given]
-
-
-def _stamp(message: Any, stamp_ns: int, frame: str) -> None:
-    message.header.frame_id = frame
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
-
-
-def _fill(part: Any, axes: str, values: Any) -> None:
-    for axis, value in zip(axes, values, strict=True):
-        setattr(part, axis, float(value))
-
-
-def _odometry(state: FlightState, stamp_ns: int) -> Odometry:
-    message = Odometry()
-    _stamp(message, stamp_ns, _WORLD)
-    message.child_frame_id = BODY_LINK
-    _fill(message.pose.pose.position, 'xyz', state.position)
-    _fill(message.pose.pose.orientation, 'xyzw', quaternion(state.rotation))
-    _fill(message.twist.twist.linear, 'xyz', state.rotation.T @ state.velocity)
-    _fill(message.twist.twist.angular, 'xyz', state.rate)
-    return message
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -11,25 +11,24 @@ from importlib.util import find_spec
 from typing import Any
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 from sensor_msgs.msg import Imu
+from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.base_motion import attitude_ned_frd_to_enu_flu, frd_to_flu
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
-from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.executors import create_steady_timer, run_until_stopped
+from aerarm_ros.ros.messages import imu_message
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.arm_clock import ArmClock
 
 NAME = 'px4_imu'
 # [s] An older attitude is not published, because its direction of gravity could be wrong.
 _ATTITUDE_AGE = 0.2
-_SPIN = 0.1  # [s] longest delay until a stop signal takes effect
 PARAMETERS = ParameterTable(
     Parameter('sensor_topic', '/fmu/out/sensor_combined',
         'topic with angular velocity and acceleration, of type px4_msgs/SensorCombined'),
@@ -65,7 +64,6 @@ class Px4Imu:
         self._attitude_time = 0.0
         self._samples = self._attitudes = 0
         self._reported = (0, 0)
-        self._is_stopping = False
         self._imu = topics.IMU.publisher(self._node)
         for kind, topic, act in (
             (SensorCombined, values.sensor_topic, self._on_sensor),
@@ -79,11 +77,7 @@ class Px4Imu:
 
     def run(self) -> None:
         """Convert messages until SIGINT, SIGTERM, SIGHUP or a shutdown."""
-        executor = SingleThreadedExecutor()
-        executor.add_node(self._node)
-        with StopSignals(self._on_stop):
-            while not self._is_stopping and rclpy.ok():
-                executor.spin_once(timeout_sec=_SPIN)
+        run_until_stopped(self._node)
 
     def close(self) -> None:
         """Destroy the node."""
@@ -117,9 +111,6 @@ class Px4Imu:
         values = {'samples': counts[0], 'attitudes': counts[1]}
         self._diagnostics.report(problem if silent else '', values)
 
-    def _on_stop(self) -> None:
-        self._is_stopping = True
-
 
 def to_imu(
     stamp: Any,
@@ -138,17 +129,9 @@ def to_imu(
     angular_velocity, specific_force
         (3,) forward-right-down [rad/s], [m/s^2].
     """
-    message = Imu()
-    message.header.stamp = stamp
-    if attitude is None:
-        message.orientation_covariance[0] = -1.0
-    else:
-        q = message.orientation
-        q.x, q.y, q.z, q.w = attitude_ned_frd_to_enu_flu(attitude).tolist()
-    w, f = message.angular_velocity, message.linear_acceleration
-    w.x, w.y, w.z = frd_to_flu(angular_velocity).tolist()
-    f.x, f.y, f.z = frd_to_flu(specific_force).tolist()
-    return message
+    turned = None if attitude is None else attitude_ned_frd_to_enu_flu(attitude)
+    rate, force = frd_to_flu(angular_velocity), frd_to_flu(specific_force)
+    return imu_message(Header(stamp=stamp), turned, rate, force)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -30,6 +30,8 @@ from rclpy.task import Task
 from rclpy.timer import Timer
 from rclpy.waitable import NumberOfEntities, Waitable
 
+from aerarm_ros.ros.process.process_end import StopSignals
+
 
 class WaitedEntity:
     """Adapter that adds a timer, subscription, guard condition, client or service to a wait set.
@@ -393,6 +395,18 @@ def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> b
             return False
         rclpy.spin_once(node, timeout_sec=_SPIN)
     return True
+
+
+_STOP_DELAY = 0.1  # [s] longest delay until a stop signal takes effect
+
+
+def run_until_stopped(node: Node) -> None:
+    """Run the callbacks of a node until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+    executor, stopped = SingleThreadedExecutor(), threading.Event()
+    executor.add_node(node)
+    with StopSignals(stopped.set):
+        while not stopped.is_set() and rclpy.ok():
+            executor.spin_once(timeout_sec=_STOP_DELAY)
 
 
 def this_domain() -> str:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
 from aerarm_ros.model.inertia import checked_body, parameters_of_body
@@ -43,6 +45,33 @@ def wrench_message(header: Header, wrench: Array) -> WrenchStamped:
     message = WrenchStamped(header=header)
     fill(message.wrench.force, wrench[:3])
     fill(message.wrench.torque, wrench[3:])
+    return message
+
+
+def imu_message(header: Header, attitude: Array | None, rate: Array, force: Array) -> Imu:
+    """Return a message with attitude (4,), angular velocity (3,) and specific force (3,).
+
+    Without an attitude the message states that it contains none.
+    """
+    message = Imu(header=header)
+    if attitude is None:
+        message.orientation_covariance[0] = -1.0
+    else:
+        fill(message.orientation, attitude)
+    fill(message.angular_velocity, rate)
+    fill(message.linear_acceleration, force)
+    return message
+
+
+def odometry_message(
+    header: Header, body: str, position: Array, attitude: Array, velocity: Array, rate: Array
+) -> Odometry:
+    """Return a message with pose and twist; the twist is in the axes of the frame `body`."""
+    message = Odometry(header=header, child_frame_id=body)
+    fill(message.pose.pose.position, position)
+    fill(message.pose.pose.orientation, attitude)
+    fill(message.twist.twist.linear, velocity)
+    fill(message.twist.twist.angular, rate)
     return message
 
 

@@ -74,8 +74,6 @@ class PlantParameters:
     backlash
         (n,) angle by which each link may turn while its rotor rests [rad]; None for gears without
         backlash, required by `BacklashPlant` only.
-    backlash_wear
-        Growth of the backlash per transmitted energy [rad/J].
     stribeck
         Static friction beyond that of a joint that slides, over the latter [-].
     stribeck_velocity
@@ -93,7 +91,6 @@ class PlantParameters:
     motor_torque_constant_nominal: Array
     seed: int | None = None
     backlash: Array | None = None
-    backlash_wear: float = 0.0
     stribeck: float = 0.0
     stribeck_velocity: float = 0.05
 

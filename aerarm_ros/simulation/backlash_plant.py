@@ -31,9 +31,6 @@ class BacklashPlant(ArmPlant):
     Position and velocity are those of the rotors, through the gears, as encoders on the motors
     measure them.
 
-    Flanks wear in proportion to load times sliding distance (Archard: Contact and rubbing of flat
-    surfaces, 1953): the backlash grows by `backlash_wear` per transmitted energy.
-
     Parameters
     ----------
     robot, parameters, position
@@ -55,8 +52,6 @@ class BacklashPlant(ArmPlant):
                 f'{", ".join(robot.joint_names)}'
             )
         super().__init__(robot, parameters, position)
-        links = slice(0, self.n)
-        self._link_velocity = self._data.qvel[links]
 
     @property
     def backlash(self) -> Array:
@@ -75,14 +70,6 @@ class BacklashPlant(ArmPlant):
         self._data.qvel[: self.n] = 0.0 if velocity is None else velocity
         mujoco.mj_forward(self._model, self._data)
         self._set_friction()
-
-    def step(self) -> None:
-        """Simulate one sub-step of 0.25 ms, in which the backlash grows by wear."""
-        super().step()
-        wear = self.parameters.backlash_wear
-        if wear:
-            self._play += SUBSTEP * wear * np.abs(self._load * self._link_velocity)
-            self._set_play(self._model)
 
     def _engine_model(self, robot: Robot) -> Any:
         fixed = super()._engine_model(robot)

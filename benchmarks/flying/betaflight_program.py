@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from flying.firmware_program import FirmwareProgram
 
-from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup
+from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup, mixer_of
 from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, BetaflightLink
 from aerarm_ros.description.drone_config import DroneConfig
 
@@ -40,6 +40,48 @@ def find_betaflight() -> Path | None:
     return next(iter(sorted(place.glob(_BUILT))), None)
 
 
+def commands_of(setup: BetaflightSetup, drone: DroneConfig) -> list[str]:
+    """Return the Betaflight CLI commands of these settings for a drone, without `save`."""
+    rates = [
+        f'set {axis}_{what} = {value}'
+        for axis, rate in (('roll', 36), ('pitch', 36), ('yaw', setup.yaw_rate // 10))
+        for what, value in (('rc_rate', rate), ('srate', rate), ('expo', 0))
+    ]
+    gains = [
+        f'set {what}_{axis} = {value}'
+        for axis in ('roll', 'pitch')
+        for what, value in (('p', setup.p), ('i', setup.i), ('d', 0), ('d_max', 0), ('f', 0))
+    ]
+    yaw = ['set p_yaw = 60', 'set i_yaw = 20', 'set f_yaw = 0']
+    settings = {
+        'simplified_pids_mode': 'OFF',
+        'motor_idle': round(1e4 * setup.idle),
+        'angle_p_gain': setup.angle_gain,
+        'angle_limit': setup.angle_limit,
+        'angle_feedforward': 0,
+        'min_check': 1010,
+        'rc_smoothing': 'OFF',
+        'iterm_relax': 'OFF',
+        'pidsum_limit': 1000,
+        # A larger limit would bring rotors to idle, which lifts the drone.
+        'pidsum_limit_yaw': 200,
+        'throttle_boost': 0,
+        'tpa_rate': 0,
+        'anti_gravity_gain': 0,
+        'small_angle': 180,
+    }
+    return [
+        f'mixer {mixer_of(drone)[0]}',
+        'feature -ANTI_GRAVITY',
+        'aux 0 0 0 1700 2100 0 0',  # ARM by AUX1
+        'aux 1 1 1 900 2100 0 0',  # always ANGLE, by AUX2
+        *(f'set {name} = {value}' for name, value in settings.items()),
+        *gains,
+        *yaw,
+        *rates,
+    ]
+
+
 class BetaflightProgram(FirmwareProgram):
     """Context manager that runs Betaflight in a separate folder, configured for a drone.
 
@@ -60,7 +102,7 @@ class BetaflightProgram(FirmwareProgram):
         self, program: Path, folder: Path, drone: DroneConfig, setup: BetaflightSetup
     ) -> None:
         super().__init__(folder, 'betaflight.log')
-        self._program, self._commands = program.resolve(), setup.commands(drone)
+        self._program, self._commands = program.resolve(), commands_of(setup, drone)
 
     def command(self) -> tuple[list[str], dict[str, str]]:
         """Return the command line and the environment."""

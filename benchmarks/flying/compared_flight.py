@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import MassProperties
 from aerarm_ros.nodes.flight_control import NAME, PARAMETERS, FlightControlNode
@@ -20,6 +19,7 @@ from aerarm_ros.ros.process.process_end import die_with_launch
 
 sys.path.append(str(Path(__file__).parents[1]))
 from flying.px4_loops import Px4Flight
+from flying.px4_program import Px4AllGains
 from flying.rejection import DisturbanceObserver, IncrementalEstimate, RejectingFlight
 
 OBSERVER, INDI, PX4_LOOPS = LAWS = 'observer', 'indi', 'px4'
@@ -36,7 +36,7 @@ def compared_law(
 ) -> RejectingFlight | Px4Flight:
     """Return the control law that the parameter `law` selects."""
     if values.law == PX4_LOOPS:
-        gains = Px4Gains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
+        gains = Px4AllGains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
         return Px4Flight(drone, body, gains, values.tilt_ahead, values.hold_heading)
     frequency = values.observer_frequency
     is_observer = values.law == OBSERVER
@@ -52,6 +52,7 @@ class ComparedFlightNode(FlightControlNode):
     parameters = ParameterTable(
         *PARAMETERS,
         Parameter('law', OBSERVER, 'control law', choices=LAWS),
+        Parameter('mpc_xy_p', 1.5, 'MPC_XY_P', '1/s', 0.1, 5.0),
         Parameter('observer_frequency', 8.0, 'bandwidth of the estimate', 'rad/s', 0.1, 200.0),
     )
     make_law = staticmethod(compared_law)

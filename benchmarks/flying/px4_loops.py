@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from flying.px4_program import Px4AllGains
 
-from aerarm_ros.autopilot.px4 import Px4Gains, frd_rotation, heading, ned, torque_unit
+from aerarm_ros.autopilot.px4 import frd_rotation, heading, ned, torque_unit
 from aerarm_ros.autopilot.px4_set_points import tilt_ahead
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import frd_to_flu, quaternion
@@ -80,7 +81,7 @@ class Px4Loops:
         Result of PX4's hover thrust estimator, as a fraction of the largest thrust.
     """
 
-    def __init__(self, gains: Px4Gains, hover_thrust: float) -> None:
+    def __init__(self, gains: Px4AllGains, hover_thrust: float) -> None:
         self._gains = g = gains
         self._hover_thrust = hover_thrust
         self._position_p = np.array([g.mpc_xy_p, g.mpc_xy_p, g.mpc_z_p])
@@ -213,7 +214,7 @@ class Px4Flight:
         self,
         drone: DroneConfig,
         body: MassProperties,
-        gains: Px4Gains,
+        gains: Px4AllGains,
         knows_loops: bool = True,
         holds_heading: bool = True,
     ) -> None:

@@ -20,19 +20,20 @@ import numpy as np
 
 from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
 from aerarm_ros.autopilot.mavlink import LAYOUTS, FrameReader, Message
-from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.px4_link import CompanionLink, Controls, SimulatorLink
 from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
-from aerarm_ros.autopilot.px4_setup import Px4Setup
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 
+sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
+from flying.px4_program import HOW, Px4AllGains, Px4Program, Px4Setup, find_px4
+
 RECORDING = Path(__file__).parents[1] / 'data' / 'px4_start.json.gz'
 DRONE = load_drone_config()
 BODY = MassProperties(4.49, np.array([0.0, 0.0, -0.05]), np.diag([0.2, 0.2, 0.1]))
-SETUP = Px4Setup(Px4Gains.scaled(1.5, 6.5, 2.0))
+SETUP = Px4Setup(Px4AllGains.scaled(1.5, 6.5, 2.0))
 STILL = FlightState(np.zeros(3), np.zeros(3), np.eye(3), np.zeros(3))
 FLOWN = 100  # steps in flight
 _USED = 'HEARTBEAT', 'LOCAL_POSITION_NED', 'STATUSTEXT', 'TIMESYNC'
@@ -45,12 +46,10 @@ def pushed(step: int) -> FeedForward:
     return FeedForward(BODY, wrench, wrench, np.array([0.1, 0.0, 0.0]), np.zeros(3))
 
 
-def flight(
-    simulator: SimulatorLink, companion: CompanionLink, setup: Px4Setup = SETUP
-) -> FirmwareFlight:
+def flight(simulator: SimulatorLink, companion: CompanionLink) -> FirmwareFlight:
     """Return the flight that is recorded and replayed."""
-    set_points = Px4SetPoints(DRONE, None, tilt_ahead(setup.gains, DRONE))
-    return FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion, setup), set_points)
+    set_points = Px4SetPoints(DRONE, None, tilt_ahead(SETUP.gains, DRONE))
+    return FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion), set_points)
 
 
 @dataclass
@@ -235,9 +234,6 @@ class ScriptedPx4(threading.Thread):
 
 def record() -> None:
     """Record the start of the real firmware, and some steps in flight."""
-    sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
-    from flying.px4_program import HOW, Px4Program, find_px4
-
     build = find_px4()
     if build is None:
         sys.exit(HOW)
@@ -256,9 +252,9 @@ def record() -> None:
     print(f'{len(steps)} steps, {RECORDING.stat().st_size // 1024} KiB')
 
 
-def fly(control: FirmwareFlight, steps: list[Step] | None = None, flown: int = FLOWN) -> None:
-    """Fly a firmware through take-off and some steps in flight."""
-    target = FlightTarget.here(STILL)
+def fly(control: FirmwareFlight, steps: list[Step] | None = None, flown: int = FLOWN) -> list[str]:
+    """Fly a firmware through take-off and some steps in flight; return its successive problems."""
+    target, seen = FlightTarget.here(STILL), ['']
 
     def begin() -> None:
         if steps is not None and steps[-1].length:
@@ -268,9 +264,12 @@ def fly(control: FirmwareFlight, steps: list[Step] | None = None, flown: int = F
     while control.is_settling and 'has ended' not in control.problem:
         begin()
         control.settle()
+        if control.problem != seen[-1]:
+            seen.append(control.problem)
     for step in range(flown):
         begin()
         control.update(STILL, target, 0.004, pushed(step))
+    return seen
 
 
 if __name__ == '__main__':

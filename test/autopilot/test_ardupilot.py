@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from ardupilot_recording import ReplayedArduPilot, flight, load
+from ardupilot_recording import ReplayedArduPilot, flight
 from px4_recording import BODY, DRONE, STILL, fly
 
 from aerarm_ros.autopilot import ardupilot_link
@@ -43,7 +43,10 @@ def links() -> Iterator[tuple[JsonLink, CompanionLink, int, int]]:
     companion.close()
 
 
-def test_the_firmware_is_led_into_the_air_as_it_was_when_recorded(links) -> None:
+ENDED = 'ArduPilot has ended: restart ArduPilot and this node'
+
+
+def test_the_firmware_is_led_into_the_air_as_it_was_when_recorded(links, monkeypatch) -> None:
     simulator, companion, *ports = links
     autopilot = ReplayedArduPilot(*ports)
     autopilot.start()
@@ -55,18 +58,21 @@ def test_the_firmware_is_led_into_the_air_as_it_was_when_recorded(links) -> None
     assert control.problem == ''
     thrust = control.update(STILL, FlightTarget.here(STILL), 0.0)
     assert 0.5 < thrust.sum() / (BODY.mass * GRAVITY) < 2.0
+    # The recording ends in flight, and so does this ArduPilot.
+    monkeypatch.setattr(ardupilot_link, '_PATIENCE', 0.2)
+    control.update(STILL, FlightTarget.here(STILL), 0.004)
+    assert firmware.problem == ENDED
 
 
-@pytest.mark.parametrize('step', [1000, len(load()[1]) - 20])  # on the ground, in the air
-def test_an_autopilot_that_ends_is_named(links, monkeypatch, step: int) -> None:
+def test_an_autopilot_that_ends_on_the_ground_is_named(links, monkeypatch) -> None:
     monkeypatch.setattr(ardupilot_link, '_PATIENCE', 0.2)
     simulator, companion, *ports = links
-    autopilot = ReplayedArduPilot(*ports, ends_at=step)
+    autopilot = ReplayedArduPilot(*ports, ends_at=300)
     autopilot.start()
     control, firmware = flight(simulator, companion)
     fly(control)
-    assert firmware.problem == 'ArduPilot has ended: restart ArduPilot and this node'
-    assert autopilot.done == step
+    assert firmware.problem == ENDED
+    assert autopilot.done == 300
 
 
 def test_a_simulator_that_ends_ends_the_exchange(links) -> None:

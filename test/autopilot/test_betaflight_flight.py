@@ -7,7 +7,7 @@ import pytest
 from flown_arm import Flight, body
 from scripted_firmware import BOOT, ScriptedFirmware
 
-from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight, BetaflightSetup
+from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight, BetaflightSetup, mixer_of
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.flight.arm_load import FeedForward
@@ -61,28 +61,36 @@ def test_it_is_armed_then_hovers_and_goes_where_it_is_told() -> None:
     assert 'no data from Betaflight' in flight.law.problem
 
 
-def sticks(wrench: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
-    """Return roll, pitch, throttle and yaw against a motion's wrench, in hover."""
-    flight = StickFlight(is_armed=True)
-    state = flight.state if rotation is None else flight.state._replace(rotation=rotation)
-    fed = FeedForward.at_rest(flight.body)._replace(wrench=wrench, wrench_now=wrench)
-    target = FlightTarget.here(state)
-    for _ in range(2):
-        flight.law.update(state, target, STEP, fed)
-    return np.array(flight.firmware.sticks[:4])
-
-
 def test_sticks_lean_against_the_arms_motion() -> None:
-    still = sticks(np.zeros(6))
-    np.testing.assert_array_equal(still[[0, 1, 3]], 1500)
+    flight = StickFlight(is_armed=True)
+    firmware, still = flight.firmware, np.zeros(6)
+
+    def sticks(wrench: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
+        """Return roll, pitch, throttle and yaw against a motion's wrench, in hover."""
+        law = BetaflightFlight(DRONE, flight.body, firmware)
+        state = flight.state if rotation is None else flight.state._replace(rotation=rotation)
+        fed = FeedForward.at_rest(flight.body)._replace(wrench=wrench, wrench_now=wrench)
+        firmware.is_armed = False
+        while law.problem:
+            law.update(state, FlightTarget.here(state), STEP)
+        for _ in range(2):
+            law.update(state, FlightTarget.here(state), STEP, fed)
+        return np.array(firmware.sticks[:4])
+
+    throttle = sticks(still)[2]
+    np.testing.assert_array_equal(sticks(still)[[0, 1, 3]], 1500)
     # Pulled forward it leans backward, nose up; pulled left it leans right; pulled down it lifts.
     assert sticks(np.array([3.0, 0, 0, 0, 0, 0]))[1] < 1480
     assert sticks(np.array([0, 3.0, 0, 0, 0, 0]))[0] > 1520
     lift = DRONE.column('thrust_max').sum() * 0.945 / 990.0  # [N] a step of the stick
-    assert sticks(np.array([0, 0, -5.0, 0, 0, 0]))[2] - still[2] == pytest.approx(5 / lift, abs=1)
+    assert sticks(np.array([0, 0, -5.0, 0, 0, 0]))[2] - throttle == pytest.approx(5 / lift, abs=1)
     # Which way it looks is no matter.
     turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert sticks(np.array([3.0, 0, 0, 0, 0, 0]), turned)[1] < 1480
+    # Without a place it sinks slowly.
+    flight.law.level(flight.state, STEP)
+    weight = flight.body.mass * 9.81 / DRONE.column('thrust_max').sum()
+    assert firmware.sticks[2] == BetaflightSetup().throttle(0.97 * weight)
 
 
 def test_the_setup_knows_its_drones_and_gains() -> None:
@@ -93,10 +101,7 @@ def test_the_setup_knows_its_drones_and_gains() -> None:
     assert setup.throttle(setup.idle) == 1010
     assert setup.throttle(1.0) == 2000
     assert setup.throttle(2.0) == 2000
-    commands = setup.commands(DRONE)
-    assert commands[0] == 'mixer HEX6X'
-    assert f'set p_roll = {setup.p}' in commands
-    assert BetaflightSetup().commands(quadrotor())[0] == 'mixer QUADX'
+    assert [mixer_of(drone)[0] for drone in (DRONE, quadrotor())] == ['HEX6X', 'QUADX']
 
 
 def quadrotor():
@@ -114,10 +119,3 @@ def test_a_drone_without_a_mixer_is_refused() -> None:
     ):
         with pytest.raises(ValueError, match=reason):
             BetaflightFlight(drone, body(DRONE), ScriptedFirmware())
-
-
-def test_without_a_place_it_sinks_slowly() -> None:
-    flight = StickFlight(is_armed=True)
-    flight.law.level(flight.state, STEP)
-    weight = flight.body.mass * 9.81 / DRONE.column('thrust_max').sum()
-    assert flight.firmware.sticks[2] == BetaflightSetup().throttle(0.97 * weight)

@@ -8,7 +8,7 @@ from aerarm_ros.autopilot.mavlink import LAYOUTS, FrameReader, FrameWriter, chec
 
 # CRC_EXTRA of MAVLink's generated headers (March 2026).
 SEEDS = {
-    'HEARTBEAT': 50, 'ATTITUDE': 39, 'ATTITUDE_QUATERNION': 246, 'LOCAL_POSITION_NED': 185,
+    'HEARTBEAT': 50, 'ATTITUDE_QUATERNION': 246, 'LOCAL_POSITION_NED': 185,
     'SERVO_OUTPUT_RAW': 222, 'COMMAND_LONG': 152, 'COMMAND_ACK': 143, 'SET_ATTITUDE_TARGET': 49,
     'SET_POSITION_TARGET_LOCAL_NED': 143, 'HIL_ACTUATOR_CONTROLS': 47, 'HIGHRES_IMU': 93,
     'HIL_SENSOR': 108, 'TIMESYNC': 34, 'HIL_GPS': 124, 'STATUSTEXT': 83, 'ODOMETRY': 91,
@@ -43,15 +43,6 @@ def test_zeros_at_the_end_of_a_payload_are_left_out_and_found_again() -> None:
     assert len(frame) < 12 + LAYOUTS['COMMAND_LONG'].base_size
 
 
-def test_the_thrust_of_three_axes_is_the_extension_of_an_attitude_target() -> None:
-    frame = FrameWriter(1, 1).pack(
-        'SET_ATTITUDE_TARGET', q=(1, 0, 0, 0), thrust_body=(0.1, -0.2, -0.5), type_mask=39
-    )
-    assert struct.unpack('<3f', frame[-14:-2]) == pytest.approx((0.1, -0.2, -0.5))
-    [message] = FrameReader().feed(frame)
-    assert message['thrust_body'] == pytest.approx((0.1, -0.2, -0.5))
-
-
 def test_text_and_arrays_come_back() -> None:
     writer, reader = FrameWriter(3, 4), FrameReader()
     [message] = reader.feed(writer.pack('STATUSTEXT', severity=4, text='Arming denied'))
@@ -79,16 +70,17 @@ def test_a_stream_may_be_cut_anywhere() -> None:
     assert reader.damaged == 0
 
 
-@pytest.mark.parametrize('place', range(10, 40))
-def test_a_damaged_frame_is_counted_and_those_around_it_are_read(place: int) -> None:
-    writer, reader = FrameWriter(1, 1), FrameReader()
+def test_a_damaged_frame_is_counted_and_those_around_it_are_read() -> None:
+    writer = FrameWriter(1, 1)
     frames = [
         writer.pack('HIL_SENSOR', time_usec=i, xacc=1.0, fields_updated=63) for i in (1, 2, 3)
     ]
-    frames[1] = frames[1][:place] + bytes([frames[1][place] ^ 0x55]) + frames[1][place + 1 :]
-    times = [message['time_usec'] for message in reader.feed(b''.join(frames) + bytes(300))]
-    assert times == [1, 3]
-    assert reader.damaged >= 1
+    for place in range(10, 40):
+        damaged, reader = bytearray(frames[1]), FrameReader()
+        damaged[place] ^= 0x55
+        stream = frames[0] + bytes(damaged) + frames[2] + bytes(300)
+        assert [message['time_usec'] for message in reader.feed(stream)] == [1, 3]
+        assert reader.damaged >= 1
 
 
 def test_noise_before_a_frame_is_skipped() -> None:

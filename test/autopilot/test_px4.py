@@ -40,4 +40,3 @@ def test_the_unit_of_torque_is_that_of_the_levers(path: str) -> None:
 def test_gains_that_are_none_are_refused() -> None:
     with pytest.raises(ValueError, match='mc_att_p'):
         Px4Gains(mc_att_p=0.0)
-    assert Px4Gains.scaled(1.9, 8.0, 2.0).mpc_xy_vel_p_acc == pytest.approx(3.6)

@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.description.drone_config import GRAVITY, load_drone_config
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 
 sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
 from flying.px4_loops import Px4Flight, Px4Loops, Px4SetPoint, Px4State
+from flying.px4_program import Px4AllGains
 
 DRONE = load_drone_config()
 BODY = MassProperties(4.5, np.zeros(3), np.diag([0.2, 0.2, 0.1]))
-GAINS = Px4Gains.scaled(1.2, 7.0, 4.0)
+GAINS = Px4AllGains.scaled(1.2, 7.0, 4.0)
 CYCLE = 0.004
 W = 2.0 * np.pi * 0.6
 FORCE, MOMENT = np.array([3.0, -2.0, 1.0]), np.array([0.5, 0.8, 0.0])
@@ -78,7 +78,7 @@ def test_a_heading_that_is_not_held_stays_where_it_is(holds_heading: bool) -> No
 
 
 def test_an_acceleration_leans_the_thrust_and_a_turn_is_answered_by_the_product_of_gains() -> None:
-    zero, gains, hover = np.zeros(3), Px4Gains(), 0.4
+    zero, gains, hover = np.zeros(3), Px4AllGains(), 0.4
     north = Px4SetPoint(zero, 0.0, zero, np.array([2.0, 0.0, 0.0]))
     thrust, moment = Px4Loops(gains, hover).update(
         Px4State(zero, zero, np.eye(3), zero), north, CYCLE

@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from aerarm_ros.control.base.rotor_wrench import carrier_parameters
@@ -9,7 +10,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.flight.arm_load import ArmLoadModel, at_drone_centre
+from aerarm_ros.flight.arm_load import ArmLoadModel, MassProperties, at_drone_centre
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import JointReference
 from aerarm_ros.simulation.arm_plant import PlantParameters
@@ -82,3 +83,15 @@ def test_the_arm_load_includes_the_payload() -> None:
     where = (full.mass * full.com - empty.mass * empty.com) / 0.2
     np.testing.assert_allclose(added[3:], np.cross(where, added[:3]), atol=1e-12)
     np.testing.assert_allclose(full.motion, 0.0, atol=1e-12)
+
+
+def test_mass_properties_of_drone_and_arm_agree_with_pinocchio() -> None:
+    drone = load_drone_config()
+    arm = pin.Inertia(1.5, np.array([0.02, -0.01, 0.4]), np.diag([0.08, 0.09, 0.01]))
+    both = MassProperties.of(drone, arm.mass, arm.lever, arm.inertia)
+    mount = pin.SE3(drone.mount.rotation, np.array(drone.mount.position))
+    body = pin.Inertia(drone.mass, np.array(drone.centre_of_mass), drone.inertia_matrix)
+    expected = body + mount.act(arm)
+    assert both.mass == expected.mass
+    np.testing.assert_allclose(both.centre, expected.lever, atol=1e-12)
+    np.testing.assert_allclose(both.inertia, expected.inertia, atol=1e-12)

@@ -34,7 +34,10 @@ class Ground:
         topic = topics.ARM_MODE
         for side, modes in self.modes.items():
             self._node.create_subscription(
-                topic.type, f'/{side}/{topic.name}', lambda m, modes=modes: modes.append(m.data), 10
+                topic.type,
+                f'/{side}/{topic.name}',
+                lambda m, modes=modes: modes.append(m.data),
+                topic.qos,
             )
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._diagnose, 10)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -102,7 +105,7 @@ def test_each_drone_has_its_own_link_and_e_stop(ground: Ground) -> None:
     assert ground.wait(lambda: ground.newest() == ('idle', 'idle')), ground.modes
     ground.arm('e_stop', '--ros-args', '-r', '__ns:=/left')
     assert ground.wait(lambda: ground.newest()[0] == 'fault'), ground.modes
-    ground.wait(lambda: False, 1.0)
+    ground.wait(lambda: False, 0.5)
     assert ground.newest() == ('fault', 'idle')
     ground.arm('clear_fault', '--ros-args', '-r', '__ns:=/left')
     assert ground.wait(lambda: ground.newest() == ('idle', 'idle')), ground.modes

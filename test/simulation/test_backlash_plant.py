@@ -38,17 +38,6 @@ def test_gravity_presses_each_gear_onto_a_flank() -> None:
     assert (np.abs(ahead) < 0.51 * PLAY).all()
 
 
-def test_play_wears_with_the_energy_passed_on() -> None:
-    made = replace(NOMINAL, backlash=PLAY, backlash_wear=1e-3)
-    plant = BacklashPlant(ROBOT, made, [0.0, 0.5 * np.pi + 0.3, 0.0, 0.0])
-    start = plant.link_position
-    plant.advance(0.1)
-    fallen = np.abs(plant.link_position - start)
-    grown = plant.backlash - PLAY
-    assert grown[1] > 0.0
-    assert grown[1] < 1e-3 * fallen[1] * 10.0  # [Nm] no gear passes on more here
-
-
 def test_play_that_cannot_be_is_refused() -> None:
     with pytest.raises(PlantError, match='must be above 0 rad, one for each of joint1'):
         BacklashPlant(ROBOT, replace(NOMINAL, backlash=np.array([0.01, 0.0, 0.01, 0.01])))

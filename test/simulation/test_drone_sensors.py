@@ -40,12 +40,6 @@ def test_the_imu_s_errors_have_their_sizes() -> None:
     np.testing.assert_array_equal(again[2], readings[0][2])
 
 
-def test_an_ideal_imu_changes_nothing() -> None:
-    attitude, rate, force = FaultyImu(ImuErrors(), 0.004, 0).apply((LEVEL, FORCE, FORCE))
-    np.testing.assert_allclose(attitude, LEVEL, atol=1e-15)
-    np.testing.assert_array_equal([rate, force], [FORCE, FORCE])
-
-
 def test_odometry_is_noisy_in_each_part() -> None:
     odometry = NoisyOdometry(OdometryErrors(0.01, 0.03, 0.002, 0.02), seed=3)
     readings = [odometry.apply((FORCE, LEVEL, FORCE, FORCE)) for _ in range(4000)]

@@ -9,10 +9,9 @@ import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig, PoseConfig, load_drone_config
-from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.simulation.arm_plant import SUBSTEP, PlantParameters
-from aerarm_ros.simulation.flying_plant import SPIN_UP, FlyingPlant
+from aerarm_ros.simulation.flying_plant import FlyingPlant
 from aerarm_ros.simulation.sensors import RandomDrift
 
 START = np.array([0.3, 1.0, -0.4, 0.6])
@@ -179,7 +178,6 @@ def test_a_held_drone_is_a_fixed_base(plant: FlyingPlant) -> None:
     plant.advance(0.2)
     np.testing.assert_allclose(plant.base.position, 0.0, atol=1e-9)
     assert np.abs(plant.velocity).max() > 0.5
-    assert SPIN_UP > 0.0
 
 
 def test_a_gust_moves_the_centre_of_mass_and_turns_nothing_by_itself() -> None:
@@ -193,12 +191,3 @@ def test_a_gust_moves_the_centre_of_mass_and_turns_nothing_by_itself() -> None:
     np.testing.assert_allclose(plant.base.velocity, 0.1 * expected, rtol=2e-2)
     np.testing.assert_allclose(plant.base.angular_velocity, 0.0, atol=1e-3)
     assert np.linalg.norm(wind.value) > 1.0
-
-
-def test_the_quadrotor_flies_in_the_same_engine() -> None:
-    drone = load_drone_config(resource('config', 'drones', 'quadrotor.yaml'))
-    plant = FlyingPlant(ROBOT, FREE, START, drone)
-    assert plant._model.body_subtreemass[1] == pytest.approx(
-        drone.mass + FREE.inertial_parameters[:, 0].sum()
-    )
-    assert plant.true_parameters()['drone']['mass'] == 1.3

@@ -56,14 +56,6 @@ EMULATION_PARAMETERS = (
         element=float,
     ),
     Parameter(
-        'backlash_wear',
-        0.0,
-        'growth of the gear backlash by wear, per unit of energy that the gear transmits',
-        'rad/J',
-        0.0,
-        1.0,
-    ),
-    Parameter(
         'stribeck',
         0.0,
         'additional static friction of the emulated joints, relative to their sliding '
@@ -130,7 +122,7 @@ def plant_parameters(
     parameters = PlantParameters.nominal(config, robot)
     if values.seed >= 0:
         parameters = parameters.perturbed(values.seed)
-    backlash, wear = values.backlash, values.backlash_wear
+    backlash = values.backlash
     parameters = replace(
         parameters, stribeck=values.stribeck, stribeck_velocity=values.stribeck_velocity
     )
@@ -139,13 +131,9 @@ def plant_parameters(
             f'the parameter backlash {list(backlash)} has {len(backlash)} values: set one value, '
             f'or one for each of the {config.n} joints'
         )
-    if wear and not len(backlash):
-        raise ValueError(
-            f'the parameter backlash_wear is {wear:g}, but no gear has backlash: set backlash too'
-        )
     if len(backlash):
         of_joints = np.broadcast_to(np.array(backlash, dtype=float), (config.n,))
-        parameters = replace(parameters, backlash=of_joints, backlash_wear=wear)
+        parameters = replace(parameters, backlash=of_joints)
     if not payload:
         return parameters
     if len(payload) != 4 or not payload[0] >= 0.0:

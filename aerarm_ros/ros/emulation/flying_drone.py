@@ -8,7 +8,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.topics import Topic
@@ -17,7 +16,7 @@ from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.hardware.emulation.emulated_transport import AnswerWatch
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
 from aerarm_ros.ros.diagnostics import Rejections
-from aerarm_ros.ros.messages import fill
+from aerarm_ros.ros.messages import fill, imu_message, odometry_message
 from aerarm_ros.ros.states.flight_stream import RotorCommands
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.simulation.flying_plant import FlyingPlant, FreeBasePlant, MovingBasePlant
@@ -46,7 +45,6 @@ class EmulatedDrone:
         self._plant = plant
         self._imu = imu
         self._publisher = topics.IMU.publisher(node)
-        self._message = Imu()
         self._imu_frame = imu_frame
         self._is_moving = False
 
@@ -58,20 +56,12 @@ class EmulatedDrone:
                 self._plant.start()
         sample = self._imu.update(stamp_ns)
         if sample is not None:
-            self._publish(*sample)
+            stamp_ns, reading = sample
+            self._publisher.publish(imu_message(base_header(stamp_ns, self._imu_frame), *reading))
 
     def destroy(self) -> None:
         """Destroy the publisher."""
         self._node.destroy_publisher(self._publisher)
-
-    def _publish(self, stamp_ns: int, reading: ImuReading) -> None:
-        attitude, rate, force = reading
-        message = self._message
-        message.header = base_header(stamp_ns, self._imu_frame)
-        fill(message.orientation, attitude)
-        fill(message.angular_velocity, rate)
-        fill(message.linear_acceleration, force)
-        self._publisher.publish(message)
 
 
 WORLD_FRAME = 'odom'
@@ -163,14 +153,16 @@ class FlyingDrone(EmulatedDrone):
         for publisher, sensor in self._others:
             reading = sensor.update(stamp_ns)
             if reading is not None and publisher.get_subscription_count():
-                publisher.publish(self._filled(Odometry(), *reading))
+                publisher.publish(self._message(*reading))
         if odometry is not None and self._wall_forces and self._flight.wall:
             message = WrenchStamped(header=base_header(stamp_ns, self._frames[0]))
             fill(message.wrench.force, self._flight.wall.force)
             self._wall_forces.publish(message)
         self.look()
         if odometry is not None:
-            self._publish_odometry(*odometry)
+            self._published_ns = odometry[0]
+            self._odometry_message = self._message(*odometry)
+            self._odometry_publisher.publish(self._odometry_message)
 
     def restart(self) -> None:
         """Discard delayed sensor samples, because the arm and the drone were reset."""
@@ -220,17 +212,6 @@ class FlyingDrone(EmulatedDrone):
             self._node.destroy_publisher(publisher)
         self._commands.destroy()
 
-    def _publish_odometry(self, stamp_ns: int, reading: OdometryReading) -> None:
-        self._published_ns = stamp_ns
-        self._odometry_publisher.publish(self._filled(self._odometry_message, stamp_ns, reading))
-
-    def _filled(self, message: Odometry, stamp_ns: int, reading: OdometryReading) -> Odometry:
-        position, attitude, velocity, rate = reading
-        pose, twist = message.pose.pose, message.twist.twist
-        message.header = base_header(stamp_ns, self._frames[0])
-        message.child_frame_id = self._frames[1]
-        fill(pose.position, position)
-        fill(pose.orientation, attitude)
-        fill(twist.linear, velocity)
-        fill(twist.angular, rate)
-        return message
+    def _message(self, stamp_ns: int, reading: OdometryReading) -> Odometry:
+        world, body = self._frames
+        return odometry_message(base_header(stamp_ns, world), body, *reading)

@@ -18,11 +18,12 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
+from aerarm_ros.flight.arm_load import HOLD, ArmFeedForward, FeedForward, MassProperties
 from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, yaw_of
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.messages import inertia_tensor, quaternion, seconds, vector, wrench
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone
+from aerarm_ros.ros.states.arm_clock import ArmClock
 
 
 def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, MassProperties]:
@@ -77,6 +78,91 @@ class ArmTopics:
 
     def _on_wrench(self, offer: Callable[[float, Array], None], message: WrenchStamped) -> None:
         self._act(partial(offer, seconds(message.header.stamp), wrench(message)))
+
+
+# [s] tolerated offset between the arm's time and this computer's, with preview and transport
+_CLOCK_TOLERANCE = 0.2
+
+
+class ClockedArm:
+    """Feedforward of the arm for nodes that send set points, at present on the arm's clock.
+
+    The arm's time is that of `joint_states`, or of this computer's clock if no joint states arrive.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscriptions.
+    lead
+        Delay from sending a set point to its effect [s].
+    reject
+        Called with the reason why a message of `base_reaction` is rejected.
+
+    Attributes
+    ----------
+    clock
+        Clock of the arm.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        drone: DroneConfig,
+        body: MassProperties,
+        lead: float,
+        reject: Callable[[str], None],
+    ) -> None:
+        self.clock = ArmClock(node)
+        self._arm = ArmFeedForward(drone, body, lead=lead)
+        self._reject = reject
+        # Largest advance of the arm's time since the last report [s]; a late message decreases it.
+        # None without a message.
+        self._ahead: float | None = None
+        ArmTopics(node, self._arm, self._offer)
+
+    def now(self) -> FeedForward:
+        """Return the feedforward for a set point that is sent now."""
+        return self._arm.at(1e-9 * self.clock.now_ns())
+
+    def set_lead(self, lead: float) -> None:
+        """Set the delay from sending a set point to its effect [s]."""
+        self._arm.lead = lead
+
+    def problem(self) -> str:
+        """Return why the forecasts since the last call are unusable, or an empty string."""
+        ahead, self._ahead = self._ahead, None
+        return '' if ahead is None else _time_problem(ahead, self._arm.lead)
+
+    def _offer(self, action: Callable[[], None]) -> None:
+        before = self._arm.newest
+        try:
+            action()
+        except RejectedInputError as error:
+            self._reject(str(error))
+        newest = self._arm.newest
+        if newest is not None and newest != before:
+            ahead = newest - 1e-9 * self.clock.now_ns()
+            self._ahead = ahead if self._ahead is None else max(self._ahead, ahead)
+
+
+def _time_problem(ahead: float, lead: float) -> str:
+    """Return why a forecast that ends `ahead` [s] from now is unusable, or an empty string.
+
+    `lead` is the delay [s] that the forecast must cover.
+    """
+    if -_CLOCK_TOLERANCE <= ahead < lead - HOLD:
+        return (
+            f"the arm's forecast is {lead - ahead:.2f} s too short, so the node adds no "
+            'acceleration: set the parameter lead of base_reaction above feed_lead, and run '
+            'fake_hardware with -p pace:=real_time'
+        )
+    if abs(ahead) <= _CLOCK_TOLERANCE:
+        return ''
+    return (
+        f"the arm's time is {abs(ahead):.1f} s {'ahead of' if ahead > 0.0 else 'behind'} this "
+        "computer's clock, so the node adds no acceleration. Start fake_hardware with -p "
+        'pace:=real_time, or synchronize the clocks of a real arm (chrony, PTP)'
+    )
 
 
 def to_target(message: PoseStamped, frame: str) -> FlightTarget:

@@ -11,7 +11,7 @@ from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
 from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
 from aerarm_ros.autopilot.betaflight_link import BetaflightLink
 from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
-from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.autopilot.px4 import SENSORS, VISION, Px4Gains, hover_share
 from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.px4_link import (
     COMPANION_PORT,
@@ -21,7 +21,6 @@ from aerarm_ros.autopilot.px4_link import (
     SimulatorLink,
 )
 from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
-from aerarm_ros.autopilot.px4_setup import SENSORS, VISION, Px4Setup
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
@@ -82,12 +81,6 @@ FLIGHT_PARAMETERS = (
             "source of the firmware's position: external odometry or satellites",
             choices=SENSORS,
         ),
-        Parameter(
-            'mpc_xy_p', Px4Gains.mpc_xy_p, (
-                "PX4's MPC_XY_P, horizontal velocity per position error; MPC_XY_VEL_P_ACC and "
-                "MPC_XY_VEL_I_ACC scale with this gain, as in PX4's defaults"
-            ), '1/s', 0.1, 5.0,
-        ),
         Parameter('mc_att_p', Px4Gains.mc_att_p, "PX4's attitude gains MC_ROLL_P and "
                                                  'MC_PITCH_P', '1/s', 0.5, 30.0),
         Parameter(
@@ -98,12 +91,6 @@ FLIGHT_PARAMETERS = (
             'mc_yawrate_p', Px4Gains.mc_yawrate_p,
                 "PX4's yaw rate gain MC_YAWRATE_P; set a smaller value for tilted rotors, "
                 'whose yaw moment is much larger', '', 0.001, 10.0,
-        ),
-        Parameter(
-            'mc_yaw_tq_cutoff', Px4Gains.mc_yaw_tq_cutoff, "PX4's MC_YAW_TQ_CUTOFF, cutoff "
-                                                           'frequency of the yaw torque; 0 for no '
-                                                           'filter',
-            'Hz', 0.0, 10.0,
         ),
         Parameter(
             'tilt_ahead', True, "whether the drone tilts in advance for the arm's motion, "
@@ -165,21 +152,21 @@ def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProper
 def _px4_firmware(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> FirmwareFlight:
-    names = ('mpc_xy_p', 'mc_att_p', 'mc_rate_k', 'mc_yawrate_p', 'mc_yaw_tq_cutoff')
-    px4 = Px4Gains.scaled(*(getattr(values, name) for name in names))
-    setup, number = Px4Setup(px4, values.autopilot_sensors), values.autopilot_instance
+    names, number = ('mc_att_p', 'mc_rate_k', 'mc_yawrate_p'), values.autopilot_instance
+    px4 = Px4Gains(**{name: getattr(values, name) for name in names})
     simulator = SimulatorLink(SIMULATOR_PORT + number)
     companion = CompanionLink(COMPANION_PORT + number, OFFBOARD_PORT + number)
     acceleration = tilt_ahead(px4, drone) if values.tilt_ahead else None
     set_points = Px4SetPoints(drone, flight_gains(values), acceleration, values.hold_heading)
-    return FirmwareFlight(drone, body, Px4Firmware(simulator, companion, setup), set_points)
+    firmware = Px4Firmware(simulator, companion, values.autopilot_sensors)
+    return FirmwareFlight(drone, body, firmware, set_points)
 
 
 def _ardupilot_firmware(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> FirmwareFlight:
     setup = ArduPilotSetup(sensors=values.autopilot_sensors)
-    setup.parameters(drone, body)  # checks that ArduPilot can fly the drone
+    hover_share(drone, body)  # checks that ArduPilot can lift the drone
     more = ardupilot_link.PORT_STEP * values.autopilot_instance
     simulator = ardupilot_link.JsonLink(ardupilot_link.SIMULATOR_PORT + more)
     companion = CompanionLink(ardupilot_link.COMPANION_PORT + more, None)

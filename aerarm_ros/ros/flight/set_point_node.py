@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 
 from aerarm_ros.autopilot.ardupilot_loop import ArduPilotLoop
@@ -21,21 +20,15 @@ from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.flight.arm_load import HOLD, ArmFeedForward
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, Rejections
-from aerarm_ros.ros.executors import create_steady_timer
-from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone
+from aerarm_ros.ros.executors import create_steady_timer, run_until_stopped
+from aerarm_ros.ros.flight.flight_inputs import ClockedArm, load_flown_drone
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE
-from aerarm_ros.ros.process.process_end import StopSignals
-from aerarm_ros.ros.states.arm_clock import ArmClock
 
-_SPIN = 0.1  # [s] longest delay until a stop signal takes effect
 _ATTITUDE_AGE = 0.2  # [s]
-# [s] tolerated offset between the arm's time and this computer's, with preview and transport
-_CLOCK_TOLERANCE = 0.2
 
 
 FEED_PARAMETERS = (
@@ -150,18 +143,13 @@ class SetPointNode:
         self.node = rclpy.create_node(name)
         self.values = values = parameters.declare(self.node, self._on_parameter)
         config, drone, body = load_flown_drone(values)
-        self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
         self._acceleration = set_point_acceleration(values, self.moment_unit(drone))
         self._set_point: Any = None
         self._set_point_time = self._attitude_time = -np.inf
         self._rotation = np.eye(3)
         self._rejections = Rejections(self.node)
-        # Largest advance of the arm's time since the last report [s]; a late message decreases it.
-        # None without a message.
-        self._ahead: float | None = None
         self._sent = 0
         self._added = np.zeros(3)
-        self._is_stopping = False
         self._last = time.monotonic()
         set_point, attitude = self.message_types()
         self._publisher = self.node.create_publisher(set_point, values.output_topic, 1)
@@ -170,8 +158,7 @@ class SetPointNode:
             (attitude, values.attitude_topic, self._on_attitude),
         ):
             self.node.create_subscription(kind, topic, act, qos_profile_sensor_data)
-        self._clock = ArmClock(self.node)
-        ArmTopics(self.node, self._arm, self._on_arm)
+        self._arm = ClockedArm(self.node, drone, body, values.feed_lead, self._rejections.add)
         self._diagnostics = DiagnosticsPublisher(self.node, config.name)
         create_steady_timer(self.node, 1.0 / values.rate, self._send)
         create_steady_timer(self.node, PERIOD, self._report)
@@ -203,11 +190,7 @@ class SetPointNode:
 
     def run(self) -> None:
         """Republish set points until a stop signal or a shutdown of the ROS context."""
-        executor = SingleThreadedExecutor()
-        executor.add_node(self.node)
-        with StopSignals(self._on_stop):
-            while not self._is_stopping and rclpy.ok():
-                executor.spin_once(timeout_sec=_SPIN)
+        run_until_stopped(self.node)
 
     def close(self) -> None:
         """Destroy the node."""
@@ -216,7 +199,7 @@ class SetPointNode:
     def _send(self) -> None:
         now, now_ns = time.monotonic(), self.node.get_clock().now().nanoseconds
         dt, self._last = now - self._last, now
-        arm = self._arm.at(1e-9 * self._clock.now_ns())
+        arm = self._arm.now()
         added = np.zeros(3)
         if now - self._attitude_time < _ATTITUDE_AGE:
             added = self._acceleration.update(arm, self._rotation, dt)
@@ -244,52 +227,17 @@ class SetPointNode:
         self._rotation = rotation_matrix(quaternion / np.linalg.norm(quaternion))
         self._attitude_time = time.monotonic()
 
-    def _on_arm(self, action: Callable[[], None]) -> None:
-        before = self._arm.newest
-        try:
-            action()
-        except RejectedInputError as error:
-            self._rejections.add(str(error))
-        newest = self._arm.newest
-        if newest is not None and newest != before:
-            ahead = newest - 1e-9 * self._clock.now_ns()
-            self._ahead = ahead if self._ahead is None else max(self._ahead, ahead)
-
     def _on_parameter(self, _: str, value: Any) -> None:
-        self._arm.lead = value
+        self._arm.set_lead(value)
 
     def _report(self) -> None:
         now, values = time.monotonic(), self.values
-        ahead, self._ahead = self._ahead, None
-        problem = self._rejections.recent
+        arm_problem, problem = self._arm.problem(), self._rejections.recent
         if now - self._set_point_time > values.set_point_timeout:
             problem = f'no set points on {values.set_point_topic}, so the node publishes none'
         elif now - self._attitude_time > _ATTITUDE_AGE:
             problem = f'no attitude on {values.attitude_topic}, so the node adds no acceleration'
-        elif ahead is not None and (late := time_problem(ahead, values.feed_lead)):
-            problem = late
+        elif arm_problem:
+            problem = arm_problem
         report = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
         self._diagnostics.report(problem, report)
-
-    def _on_stop(self) -> None:
-        self._is_stopping = True
-
-
-def time_problem(ahead: float, lead: float) -> str:
-    """Return why a forecast that ends `ahead` [s] from now is unusable, or an empty string.
-
-    `lead` is the delay [s] that the forecast must cover.
-    """
-    if -_CLOCK_TOLERANCE <= ahead < lead - HOLD:
-        return (
-            f"the arm's forecast is {lead - ahead:.2f} s too short, so the node adds no "
-            'acceleration: set the parameter lead of base_reaction above feed_lead, and run '
-            'fake_hardware with -p pace:=real_time'
-        )
-    if abs(ahead) <= _CLOCK_TOLERANCE:
-        return ''
-    return (
-        f"the arm's time is {abs(ahead):.1f} s {'ahead of' if ahead > 0.0 else 'behind'} this "
-        "computer's clock, so the node adds no acceleration. Start fake_hardware with -p "
-        'pace:=real_time, or synchronize the clocks of a real arm (chrony, PTP)'
-    )

@@ -16,17 +16,15 @@ from aerarm_ros.simulation.base_profile import BASE_PROFILES
 CONFIG, ROBOT = load_arm_config(), load_robot()
 
 
-def made(
-    backlash: list[float], wear: float, stribeck: tuple[float, float] = (0.0, 0.05)
-) -> PlantParameters:
+def made(backlash: list[float], stribeck: tuple[float, float] = (0.0, 0.05)) -> PlantParameters:
     """Return the parameters of an arm without payload, by default without Stribeck friction."""
-    values = SimpleNamespace(seed=1, backlash=backlash, backlash_wear=wear)
+    values = SimpleNamespace(seed=1, backlash=backlash)
     values.stribeck, values.stribeck_velocity = stribeck
     return plant_parameters(CONFIG, ROBOT, values, [])
 
 
 def test_gears_have_the_requested_backlash() -> None:
-    parameters = made([0.02], 1e-3)
+    parameters = made([0.02])
     transport = make_emulated_transport(CONFIG, ROBOT, parameters=parameters)
     assert isinstance(transport.plant, BacklashPlant)
     np.testing.assert_array_equal(transport.plant.backlash, np.full(4, 0.02))
@@ -35,13 +33,12 @@ def test_gears_have_the_requested_backlash() -> None:
         mount_on_base(transport, ROBOT, next(iter(BASE_PROFILES.values())))
 
 
-def test_backlash_for_some_joints_and_wear_without_backlash_are_refused() -> None:
-    assert made([], 0.0).backlash is None
-    for backlash, wear, reason in (([0.02, 0.01], 0.0, 'one for each'), ([], 1e-3, 'set backlash')):
-        with pytest.raises(ValueError, match=reason):
-            made(backlash, wear)
+def test_backlash_is_optional_and_not_for_some_joints_alone() -> None:
+    assert made([]).backlash is None
+    with pytest.raises(ValueError, match='one for each of the 4 joints'):
+        made([0.02, 0.01])
 
 
 def test_stribeck_friction_is_that_of_the_parameters() -> None:
-    parameters = made([], 0.0, (0.5, 0.03))
+    parameters = made([], (0.5, 0.03))
     assert (parameters.stribeck, parameters.stribeck_velocity) == (0.5, 0.03)

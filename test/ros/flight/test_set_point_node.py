@@ -86,18 +86,13 @@ def flight(ros_domain: dict[str, str]) -> Iterator[AdvisedFlight]:
         rclpy.shutdown()
 
 
-@pytest.mark.parametrize(
-    ('ahead', 'said'),
-    [
+def test_a_clock_offset_of_the_arm_is_reported(flight: AdvisedFlight) -> None:
+    flight.until(lambda: 'in order' in flight.problems and np.any(flight.flown.added))
+    for ahead, said in (
         (-1.5, "the arm's time is 1.5 s behind this computer's"),
         (1.5, "the arm's time is 1.5 s ahead of this computer's"),
         (-0.12, "the arm's forecast is 0.1"),  # 0.15 s with feed_lead, and the way here
-    ],
-)
-def test_a_clock_offset_of_the_arm_is_reported(
-    flight: AdvisedFlight, ahead: float, said: str
-) -> None:
-    flight.until(lambda: 'in order' in flight.problems and np.any(flight.flown.added))
-    flight.ahead = ahead
-    flight.until(lambda: said in flight.problems[-1])
-    assert 'pace:=real_time' in flight.problems[-1]
+    ):
+        flight.ahead = ahead
+        flight.until(lambda said=said: said in flight.problems[-1])
+        assert 'pace:=real_time' in flight.problems[-1]
