@@ -86,7 +86,6 @@ class View:
             text = with_drone(robot.urdf_text, drone, robot.prefix)
             carried = load_robot(text, joint_names=config.joint_names)
             robot = replace(carried, prefix=robot.prefix)
-        self._has_base = drone is not None
         self._name = config.name
         self._names = list(robot.joint_names)
         self._mode = ''
@@ -162,7 +161,7 @@ class View:
             self._server, self._panel, self._motion, self._programs, self._names, self._limits
         )
         self._panel.add_reports(self._server)
-        self._plots = ViewPlots(self._server, self._names, self._values.history, self._has_base)
+        self._plots = ViewPlots(self._server, self._names, self._values.history)
 
     def _log_refused(self, text: str) -> None:
         self._node.get_logger().warning(text)
@@ -188,8 +187,6 @@ class View:
         feed, diagnostics = self._feed, self._diagnostics
         self._scene.update_path()
         self._plots.show(*feed.joints.window(now))
-        if self._has_base:
-            self._plots.show_base(*feed.base.window(now))
         self._panel.show_mode(
             self._mode,
             feed.describe(now),
