@@ -233,16 +233,7 @@ class LinkEnd:
         """Process the sender's address of the newest datagram."""
 
     def _on_rejected(self, datagram: bytes, address: _Address) -> None:
-        """Warn if no connection exists and the sender of a datagram uses another key."""
-        is_up = self.connection.is_up(time.monotonic())
-        if self._key_problem or is_up or not looks_sealed(datagram):
-            return
-        self._key_problem = (
-            f'the key of {address[0]} differs from the key of this host '
-            f"({self._values.key_file}): copy the drone's key file to the ground, use the same "
-            'version of aerarm_ros on both hosts, and restart ground_link'
-        )
-        self._node.get_logger().warning(self._key_problem)
+        """Process a datagram that was not authentic."""
 
     def _problem(self, now: float) -> str:
         return ''
@@ -406,6 +397,18 @@ class DroneEnd(LinkEnd):
     def _on_newest(self, address: _Address) -> None:
         self._address = address
 
+    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
+        """Warn if no connection exists and the sender of a datagram uses another key."""
+        is_up = self.connection.is_up(time.monotonic())
+        if self._key_problem or is_up or not looks_sealed(datagram):
+            return
+        self._key_problem = (
+            f'the key of {address[0]} differs from the key of this host '
+            f"({self._values.key_file}): copy the drone's key file to the ground, use the same "
+            'version of aerarm_ros on both hosts, and restart ground_link'
+        )
+        self._node.get_logger().warning(self._key_problem)
+
     def _take(self, received: Received) -> None:
         channel = received.channel
         if channel in (CALLS, STOPS):
@@ -477,10 +480,6 @@ class GroundEnd(LinkEnd):
         self._recordings.destroy()
         self._topics.destroy()
         super().close()
-
-    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
-        if address == self._address:
-            super()._on_rejected(datagram, address)
 
     def _take(self, received: Received) -> None:
         if received.channel in (RESULTS, STOP_RESULTS):

@@ -1,5 +1,6 @@
 """Recordings of the drone, requested and fetched over two connections in one process."""
 
+import json
 import os
 import random
 import signal
@@ -336,3 +337,22 @@ def test_the_user_learns_that_the_drone_started_again_during_the_recording(
     with pytest.raises(ArmClientError, match='restarted during the recording'):
         record(link, client, tmp_path / 'here', lambda _: link.restart_drone())
     assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
+
+
+@pytest.mark.parametrize(
+    ('name', 'do', 'problem'),
+    [
+        ('../x', 'record', 'no valid bag name'),
+        ('../x', 'finish', 'no valid bag name'),
+        ('flight', 'fly', "does not know the request 'fly'"),
+    ],
+)
+def test_an_invalid_request_is_rejected(
+    link: LinkedRecordings, tmp_path: Path, name: str, do: str, problem: str
+) -> None:
+    with link.lock:
+        link.drone.take_request(json.dumps({'name': name, 'do': do, 'id': 'a'}).encode())
+        assert problem in next(iter(link.to_ground._messages)).payload.decode()
+        assert link.drone._process is None
+        assert link.drone._served == {}
+    assert not list(tmp_path.glob('x*'))
