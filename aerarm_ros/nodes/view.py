@@ -1,4 +1,4 @@
-"""Serve a web page that shows the arm, with buttons to stop, enable, move, record and play.
+"""Serve a web page that shows the arm, with buttons to stop, enable and move it.
 
 Usage: run `ros2 run aerarm_ros view`, then open the printed address in a browser.
 """
@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
-from pathlib import Path
 
 import numpy as np
 import rclpy
@@ -24,7 +23,7 @@ from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.page.page_programs import PagePrograms
+from aerarm_ros.ros.page.page_controller import PageController
 from aerarm_ros.ros.page.page_server import PageGuard, is_loopback
 from aerarm_ros.ros.page.view_controls import PageMotion, PageRequests
 from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
@@ -48,7 +47,6 @@ PARAMETERS = ParameterTable(
     Parameter('port', 8080, 'TCP port of the page; the next free port if it is in use', '', 1,
         65535),
     BRIDGES_PARAMETER,
-    Parameter('folder', '.', 'folder for recorded bags and for trajectories to play'),
     Parameter('rate', 30.0, 'frame rate of the 3-D view', 'Hz', 1.0, 100.0),
     Parameter('history', 10.0, 'time range that the plots show', 's', 1.0, 120.0),
     Parameter('tool', 'tool0',
@@ -86,7 +84,6 @@ class View:
             text = with_drone(robot.urdf_text, drone, robot.prefix)
             carried = load_robot(text, joint_names=config.joint_names)
             robot = replace(carried, prefix=robot.prefix)
-        self._has_base = drone is not None
         self._name = config.name
         self._names = list(robot.joint_names)
         self._mode = ''
@@ -97,12 +94,8 @@ class View:
             self._node, self._names, values.history, values.rate, drone is not None
         )
         self._motion = PageMotion(self._node, config)
-        self._programs = PagePrograms(
-            self._node.get_namespace(),
-            Path(values.folder),
-            {item.name: getattr(values, item.name) for item in ARM_FILES},
-            values.drone_file,
-        )
+        files = {item.name: getattr(values, item.name) for item in ARM_FILES}
+        self._controller = PageController(self._node.get_namespace(), files, values.drone_file)
         # The bridge's limits: the URDF has none for a continuous joint.
         self._limits = np.column_stack(
             [config.column('position_min'), config.column('position_max')]
@@ -126,8 +119,8 @@ class View:
             self._loop.run(self._update)
 
     def close(self) -> None:
-        """End the programs that the page started, stop the server and destroy the node."""
-        self._programs.close()
+        """End the controller that the page started, stop the server and destroy the node."""
+        self._controller.close()
         with redirect_stdout(StringIO()):
             self._server.stop()
         self._feed.destroy()
@@ -159,10 +152,10 @@ class View:
         self._panel = ViewPanel(self._server, self._name, self._requests.ask)
         self._scene = ViewScene(self._server, robot, self._values.tool)
         self._controls = ViewControls(
-            self._server, self._panel, self._motion, self._programs, self._names, self._limits
+            self._server, self._panel, self._motion, self._controller, self._names, self._limits
         )
         self._panel.add_reports(self._server)
-        self._plots = ViewPlots(self._server, self._names, self._values.history, self._has_base)
+        self._plots = ViewPlots(self._server, self._names, self._values.history)
 
     def _log_refused(self, text: str) -> None:
         self._node.get_logger().warning(text)
@@ -188,15 +181,13 @@ class View:
         feed, diagnostics = self._feed, self._diagnostics
         self._scene.update_path()
         self._plots.show(*feed.joints.window(now))
-        if self._has_base:
-            self._plots.show_base(*feed.base.window(now))
         self._panel.show_mode(
             self._mode,
             feed.describe(now),
             diagnostics.recovery_hint(now),
             bool(self._requests.emulated),
         )
-        self._controls.show(now, feed.posture)
+        self._controls.show(feed.posture)
         self._panel.show_diagnostics(diagnostics.motors_html(now), diagnostics.status_html(now))
 
     def _on_mode(self, message: String) -> None:

@@ -3,7 +3,7 @@
 import random
 from collections.abc import Callable
 
-from aerarm_ros.link.connection import Connection, Received
+from aerarm_ros.link.connection import PROMPT, Connection, Received, SentMessage
 
 KEY = bytes(range(32))
 TICK = 0.02  # [s]
@@ -30,6 +30,14 @@ class Link:
         now = self.now + (1000.0 + self.drift if side == 'drone' else 0.0)
         system = self.now + (self.ahead if side == 'drone' else 0.0)
         return now, round(1e9 * now), round(1e9 * system)
+
+    def go(self, payload: bytes = b'go') -> SentMessage:
+        """Send a command that expires after a second."""
+        return self.ground.send(2, payload, PROMPT, expires=self.clocks('ground')[0] + 1.0)
+
+    def cut(self, seconds: float) -> None:
+        self.is_cut = True
+        self.run(seconds)
 
     def run(self, seconds: float, until: Callable[[], object] = lambda: False) -> float:
         """Continue for a time, or until a condition; return the elapsed time [s]."""

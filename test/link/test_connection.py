@@ -6,7 +6,7 @@ from math import inf
 import pytest
 from bad_link import KEY, TICK, Link
 
-from aerarm_ros.link.connection import BULK, MESSAGE_MAX, PROMPT, URGENT, Connection
+from aerarm_ros.link.connection import BULK, MESSAGE_MAX, URGENT, Connection
 
 
 @pytest.fixture(params=[0.0, 0.05, 0.2], ids=lambda loss: f'{loss:.0%} loss')
@@ -37,8 +37,7 @@ def test_an_urgent_message_arrives_in_99_of_100_within(loss: float, limit: float
 
 
 def test_an_urgent_message_during_a_cut_arrives_when_the_link_is_back(link: Link) -> None:
-    link.is_cut = True
-    link.run(5.0)
+    link.cut(5.0)
     message = link.ground.send(1, b'stop', URGENT)
     link.run(60.0)
     assert not message.is_confirmed
@@ -51,7 +50,7 @@ def test_an_urgent_message_during_a_cut_arrives_when_the_link_is_back(link: Link
 
 def test_a_command_that_expired_in_a_cut_never_arrives(link: Link) -> None:
     link.is_cut = True
-    message = link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    message = link.go()
     link.run(5.0)
     link.is_cut = False
     link.ground.send(2, b'stay')
@@ -171,8 +170,7 @@ def test_the_backlog_is_bounded_and_keeps_urgent_messages(is_known: bool) -> Non
     link = Link()
     if is_known:
         link.run(5.0, lambda: link.drone.is_joined and link.ground.is_joined)
-    link.is_cut = True
-    link.run(2.0)
+    link.cut(2.0)
     link.came = {'drone': [], 'ground': []}
     link.drone.send(7, b'urgent', URGENT)
     for number in range(5000):
@@ -190,10 +188,9 @@ def test_the_backlog_is_bounded_and_keeps_urgent_messages(is_known: bool) -> Non
 def test_a_command_that_waited_in_the_radio_through_a_minute_of_silence_is_not_taken() -> None:
     link = Link()
     link.run(2.0)
-    link.is_cut = True
-    link.run(61.0)
+    link.cut(61.0)
     link.is_cut, link.up_delay = False, 3.0  # what the radio queued during the cut
-    link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    link.go()
     link.run(4.0)
     assert link.payloads('drone') == []
 
@@ -202,13 +199,12 @@ def test_delay_and_clock_are_right_at_once_after_a_minute_of_silence() -> None:
     link = Link()
     link.ahead = 30.0
     link.run(5.0)
-    link.is_cut = True
-    link.run(61.0)
+    link.cut(61.0)
     link.is_cut, link.delay = False, 3.0
     link.run(0.5)
     link.delay = 0.01
     link.run(3.0)  # 25 old datagrams arrive after the new ones
-    link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    link.go()
     assert link.run(1.0, lambda: link.came['drone']) < 0.1
     link.run(0.1)
     for end, ahead in ((link.ground, 30.0), (link.drone, -30.0)):
@@ -220,12 +216,11 @@ def test_delay_and_clock_are_right_at_once_after_a_minute_of_silence() -> None:
 def test_a_drone_with_a_drifting_clock_obeys_after_a_long_silence() -> None:
     link = Link()
     link.run(2.0)
-    link.is_cut = True
-    link.run(1.0)
+    link.cut(1.0)
     link.now += 1e5
     link.drift = 1.0  # 10 ppm in a day: each datagram seems to take a second longer
     link.is_cut = False
-    link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    link.go()
     assert link.run(1.0, lambda: link.came['drone']) < 0.2
 
 
@@ -265,14 +260,13 @@ def test_a_backlog_of_long_messages_is_bounded() -> None:
 def test_commands_pass_as_soon_as_a_kept_urgent_message_is_delivered(stops: int) -> None:
     link = Link()
     link.run(3.0)
-    link.is_cut = True
-    link.run(1.0)
+    link.cut(1.0)
     for _ in range(stops):
         link.ground.send(1, bytes(45), URGENT)
     link.run(60.0)
     link.is_cut = False
     link.run(1.0, lambda: len(link.came['drone']) == stops)
-    link.ground.send(2, b'go' * 20, PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    link.go(b'go' * 20)
     link.run(2.0)
     assert link.payloads('drone')[stops:] == [b'go' * 20]
 
@@ -283,7 +277,7 @@ def test_commands_pass_again_after_the_delay_has_risen_for_good() -> None:
     link.delay = 0.62
     link.run(120.0)
     for _ in range(5):
-        link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+        link.go()
         link.run(3.0)
     assert link.payloads('drone') == [b'go'] * 5
     assert link.drone.delay < 0.02

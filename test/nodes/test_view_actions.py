@@ -1,4 +1,4 @@
-"""A short session at the page: enable, record, play, stop, clear, over its own socket."""
+"""A short session at the page: enable, move, stop, clear, over its own socket."""
 
 from __future__ import annotations
 
@@ -9,15 +9,10 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
-import numpy as np
 import pytest
 from page_viewer import CAMERA, STOP, Viewer
 
-from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.excitation.design_file import TrajectoryFile
-from aerarm_ros.excitation.settings import load_excitation_config
-from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 MISSING = find_spec('viser') is None
@@ -26,7 +21,6 @@ if not MISSING:
     import viser
     from websockets.sync.client import connect
 
-    from aerarm_msgs_py.bags.bag_reader import read_joint_states
 
 PATIENCE = 120.0
 EXAMPLES = Path(__file__).parents[2] / 'config' / 'examples'
@@ -62,27 +56,15 @@ def shown(folder: Path, parameters: dict[str, object]) -> Iterator[Viewer]:
         assert view.stop() == 0, view.tail()  # its recorder ends before it does
 
 
-def test_the_arm_is_enabled_recorded_played_stopped_and_brought_back(
+def test_the_arm_is_enabled_moved_stopped_and_brought_back(
     ros_domain: dict[str, str], tmp_path: Path
 ) -> None:
-    folder = tmp_path / 'folder'
-    folder.mkdir()
-    bias = np.array(load_excitation_config().bias)
-    series = FourierTrajectory(0.5, bias, *np.full((2, 4, 1), 0.05))
-    names = tuple(f'joint{k}' for k in range(1, 5))
-    TrajectoryFile(series, names, periods=5).save(folder / 'mine.yaml')
+    arm = {'pace': 'keep_up', 'encoders': 'absolute'}
     with (
-        NodeProcess(
-            'fake_hardware',
-            (),
-            {'pace': 'keep_up', 'encoders': 'absolute'},
-            log=tmp_path / 'arm.log',
-        ),
-        shown(tmp_path, {'folder': folder}) as viewer,
+        NodeProcess('fake_hardware', (), arm, log=tmp_path / 'arm.log'),
+        shown(tmp_path, {}) as viewer,
     ):
         drive(viewer)
-    states = read_joint_states(folder / 'bag', topics.JOINT_STATES.name)
-    assert len(states.stamp) > 100
 
 
 def test_sliders_go_as_far_as_the_bridge_lets_a_joint_that_turns_for_ever(
@@ -106,21 +88,26 @@ def drive(viewer: Viewer) -> None:
     def wait(condition: str) -> None:
         viewer.listen(lambda: mode(viewer) == condition, PATIENCE)
 
-    viewer.set('name', 'bag')
-    viewer.set('Start recording', True)
-    viewer.listen(lambda: 'publishers found' in viewer.text(), PATIENCE)
     wait('idle')
     viewer.set('Enable', True)
     wait('ready')
-    viewer.set('motion', 'mine.yaml')
-    viewer.set('Play', True)
+    viewer.set('controller', 'computed_torque')
+    viewer.set('Start controller', True)
     wait('running')
+    viewer.listen(lambda: viewer.button('Stop controller'), PATIENCE)
+    viewer.set('joint2', 1.2)
+    end = time.monotonic() + PATIENCE
+    while 'the motion takes' not in viewer.text():
+        assert time.monotonic() < end, viewer.text()
+        viewer.set('Move to slider values', True)
+        heard = len(viewer.told)
+        viewer.listen(lambda heard=heard: len(viewer.told) > heard + 20, PATIENCE)
     viewer.set(STOP, True)
     wait('fault')
     # The arm stops at once; that it did is told when no other bridge is to be found.
     viewer.listen(lambda: '>STOPPED</b>' in viewer.text(), PATIENCE)
     viewer.listen(lambda: 'To recover' in viewer.text(), PATIENCE)  # diagnostics come each second
-    while mode(viewer) != 'ready':
+    while mode(viewer) not in ('ready', 'running'):  # its controller goes on
         if viewer.button('Next step'):
             viewer.set('Next step', True)
         elif viewer.button('Enable'):

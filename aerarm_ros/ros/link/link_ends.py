@@ -142,7 +142,6 @@ _CLOCK_MAX = 0.02  # [s] offset of the clocks, above which the link warns
 _CUT_MIN = 0.4
 _DATAGRAM_MAX = 2048
 _STOP_CHANNELS = (STOPS, STOP_RESULTS)
-_KEY_LOG_EVERY = 10.0  # [s] between two warnings of other keys
 _JOINS, _JOINS_TIME = 3, 10.0  # so many connections within so many seconds show several grounds
 _DATAGRAMS_MAX = 64  # received in one step, so that a flood does not keep this end from sending
 # Exceptions caused by messages of another version of `ground_link`, or by a full disk.
@@ -180,8 +179,7 @@ class LinkEnd:
         self._address: _Address | None = None
         self._sent = self._reported = -inf
         self._was_up = False
-        self._key_problem = self._key_logged = ''
-        self._key_logged_at = -inf
+        self._key_problem = ''
         self._away = 0.0  # [s] length of the last interruption
         self._peers = 0
         self._joins: deque[float] = deque(maxlen=_JOINS)
@@ -235,18 +233,7 @@ class LinkEnd:
         """Process the sender's address of the newest datagram."""
 
     def _on_rejected(self, datagram: bytes, address: _Address) -> None:
-        """Warn if no connection exists and the sender of a datagram uses another key."""
-        now = time.monotonic()
-        if not looks_sealed(datagram) or self.connection.is_up(now):
-            return
-        self._key_problem = (
-            f'the key of {address[0]} differs from the key of this host '
-            f"({self._values.key_file}): copy the drone's key file to the ground, use the same "
-            'version of aerarm_ros on both hosts, and restart ground_link'
-        )
-        if self._key_problem != self._key_logged and now - self._key_logged_at >= _KEY_LOG_EVERY:
-            self._key_logged, self._key_logged_at = self._key_problem, now
-            self._node.get_logger().warning(self._key_problem)
+        """Process a datagram that was not authentic."""
 
     def _problem(self, now: float) -> str:
         return ''
@@ -313,7 +300,7 @@ class LinkEnd:
 
     def _note_return(self, before: float, now: float) -> None:
         self._was_up = True
-        self._key_problem = self._key_logged = ''
+        self._key_problem = ''
         silent = now - before
         if _CUT_MIN < silent < inf:
             self._away = silent
@@ -410,6 +397,18 @@ class DroneEnd(LinkEnd):
     def _on_newest(self, address: _Address) -> None:
         self._address = address
 
+    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
+        """Warn if no connection exists and the sender of a datagram uses another key."""
+        is_up = self.connection.is_up(time.monotonic())
+        if self._key_problem or is_up or not looks_sealed(datagram):
+            return
+        self._key_problem = (
+            f'the key of {address[0]} differs from the key of this host '
+            f"({self._values.key_file}): copy the drone's key file to the ground, use the same "
+            'version of aerarm_ros on both hosts, and restart ground_link'
+        )
+        self._node.get_logger().warning(self._key_problem)
+
     def _take(self, received: Received) -> None:
         channel = received.channel
         if channel in (CALLS, STOPS):
@@ -481,10 +480,6 @@ class GroundEnd(LinkEnd):
         self._recordings.destroy()
         self._topics.destroy()
         super().close()
-
-    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
-        if address == self._address:
-            super()._on_rejected(datagram, address)
 
     def _take(self, received: Received) -> None:
         if received.channel in (RESULTS, STOP_RESULTS):

@@ -1,9 +1,8 @@
-"""Parts of the web page with which the user moves the arm and starts programs."""
+"""Parts of the web page with which the user moves the arm and starts a controller."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import viser
@@ -18,7 +17,7 @@ from aerarm_ros.hardware.bridge_modes import ACTIONS, STOPS
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.graph import endpoint_name
-from aerarm_ros.ros.page.page_programs import ChildProgram, PagePrograms
+from aerarm_ros.ros.page.page_controller import PageController
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
 from aerarm_ros.ros.requests.bridge_service import BridgeService, StopService
 
@@ -132,11 +131,11 @@ class PageRequests:
 
 
 _STEP = 0.01  # [rad] of a slider
-_LOOK_PERIOD = 1.0  # [s] between two searches of the directory
+_START, _STOP = 'Start controller', 'Stop controller: the bridge holds the arm'
 
 
 class ViewControls:
-    """Folders of the page with joint sliders, and buttons for programs.
+    """Folders of the page with joint sliders, and a button for a controller.
 
     This class checks all values from the browser again, because a message can contain any number.
 
@@ -146,8 +145,8 @@ class ViewControls:
         Server of the page.
     panel
         Panel that shows the result of a click.
-    motion, programs
-        Objects that publish goals and start programs.
+    motion, controller
+        Objects that publish goals and run a controller.
     names, limits
         Names of the n joints, and their position limits (n, 2) [rad].
     """
@@ -157,24 +156,19 @@ class ViewControls:
         server: viser.ViserServer,
         panel: ViewPanel,
         motion: PageMotion,
-        programs: PagePrograms,
+        controller: PageController,
         names: Sequence[str],
         limits: Array,
     ) -> None:
-        self._panel, self._motion, self._programs = panel, motion, programs
+        self._panel, self._motion, self._controller = panel, motion, controller
         self._limits = limits
         self._posture: Array | None = None
-        self._looked = -np.inf
-        self._gui = gui = server.gui
-        self._shown: list[tuple[ChildProgram, Any, Any, str, str]] = []
+        gui = server.gui
         with gui.add_folder('Control'):
-            self._controller = gui.add_dropdown('controller', controllers())
-            self._add_program(
-                programs.controller,
-                lambda: programs.control(self._controller.value, self._speed_share()),
-                'Start controller',
-                'Stop controller: the bridge holds the arm',
-            )
+            self._choice = gui.add_dropdown('controller', controllers())
+            self._button = gui.add_button(_START)
+            self._button.on_click(lambda _: self._toggle())
+            self._words = gui.add_html('')
         with gui.add_folder('Move by sliders', expand_by_default=False):
             self._share = gui.add_slider('speed limit', 0.05, 1.0, 0.05, 0.25)
             self._sliders = [
@@ -185,27 +179,12 @@ class ViewControls:
             gui.add_button('Set sliders to the present joint angles').on_click(
                 lambda _: self._take_posture()
             )
-        with gui.add_folder('Record a bag', expand_by_default=False):
-            self._bag = gui.add_text('name of the bag', 'my_bag')
-            self._add_program(
-                programs.recorder,
-                lambda: programs.record(self._bag.value),
-                'Start recording',
-                'Stop recording',
-            )
-        with gui.add_folder('Play a motion', expand_by_default=False):
-            self._file = gui.add_dropdown('motion', programs.trajectories())
-            self._add_program(
-                programs.player, lambda: programs.play(self._file.value), 'Play', 'Stop the motion'
-            )
 
-    def show(self, now: float, posture: Array | None) -> None:
-        """Show for each program whether it is running, and the last line of its output.
+    def show(self, posture: Array | None) -> None:
+        """Show whether a controller is running, and the last line of its output.
 
         Parameters
         ----------
-        now
-            Monotonic time [s].
         posture
             (n,) present joint angles [rad], or None if unknown.
         """
@@ -213,35 +192,22 @@ class ViewControls:
             self._posture = posture
             self._take_posture()
         self._posture = posture if posture is not None else self._posture
-        for program, button, words, start, stop in self._shown:
-            button.label = stop if program.runs else start
-            button.disabled = program.is_ending
-            words.content = indented(program.last_output())
-        if now - self._looked >= _LOOK_PERIOD:
-            self._looked = now
-            files = self._programs.trajectories()
-            if tuple(self._file.options) != files:
-                self._file.options = files
+        self._button.label = _STOP if self._controller.runs else _START
+        self._button.disabled = self._controller.is_ending
+        self._words.content = indented(self._controller.last_output())
 
-    def _add_program(
-        self, program: ChildProgram, act: Callable[[], object], start: str, stop: str
-    ) -> None:
-        """Add a button that starts and stops a program, and a line for the program's output."""
-        button = self._gui.add_button(start)
-        button.on_click(lambda _: self._toggle(program, act))
-        self._shown.append((program, button, self._gui.add_html(''), start, stop))
-
-    def _toggle(self, program: ChildProgram, start: Callable[[], object]) -> None:
-        if program.runs:
-            program.end()
-            self._panel.show_result(True, program.name, 'is ending')
+    def _toggle(self) -> None:
+        controller = self._controller
+        if controller.runs:
+            controller.end()
+            self._panel.show_result(True, controller.name, 'is ending')
             return
         try:
-            where = start()
+            controller.start(self._choice.value, self._speed_share())
         except (ValueError, RuntimeError, OSError) as error:
             self._panel.show_result(False, 'not started:', str(error))
         else:
-            self._panel.show_result(True, program.name, str(where or 'is starting'))
+            self._panel.show_result(True, controller.name, 'is starting')
 
     def _go(self) -> None:
         goal = [slider.value for slider in self._sliders]

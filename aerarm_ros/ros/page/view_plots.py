@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import pinocchio as pin
 import viser
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
@@ -61,7 +60,6 @@ class ViewHistory:
 
 # Rows stored per joint.
 ROWS = ('q', 'dq', 'tau', 'q_ref', 'dq_ref', 'tau_ref', 'current', 'power')
-BASE_ROWS = ('x [m]', 'y [m]', 'z [m]', 'roll [rad]', 'pitch [rad]', 'yaw [rad]')
 _SILENT = 1.0  # [s] without states before a notice
 _STALE = 0.3  # [s] after which a reference, a current or a power is dropped
 
@@ -84,8 +82,8 @@ class ViewFeed:
 
     Attributes
     ----------
-    joints, base
-        Samples of `ROWS`, with shape (8, n), and of `BASE_ROWS`, with shape (6,).
+    joints
+        Samples of `ROWS`, with shape (8, n).
     posture
         (n,) newest joint positions [rad], None before the first message.
     pose
@@ -98,7 +96,6 @@ class ViewFeed:
     ) -> None:
         n = len(names)
         self.joints = ViewHistory((len(ROWS), n), duration, rate)
-        self.base = ViewHistory((len(BASE_ROWS),), duration, rate)
         self.posture: Array | None = None
         self.pose: tuple[Array, Array] | None = None
         self._states = StateSampler(node, names)
@@ -177,8 +174,6 @@ class ViewFeed:
         if np.all(np.isfinite([*place, *turn])) and np.any(turn):
             turn /= np.linalg.norm(turn)
             self.pose = place, turn
-            angles = pin.rpy.matrixToRpy(pin.Quaternion(*turn.tolist()).matrix())
-            self.base.add(now, np.concatenate([place, angles]))
 
     def _on_odometry(self, message: Odometry) -> None:
         self._odometry = message
@@ -196,11 +191,11 @@ class _Quantity:
     """Quantity of one plot: its title, and the names of its data in `ROWS`.
 
     The vertical scale covers at least plus and minus `small`, so that noise does not fill the
-    plot. The labels of the scale have three decimals. Plots of base poses have an empty `value`.
+    plot. The labels of the scale have three decimals.
     """
 
     title: str
-    value: str = ''
+    value: str
     reference: str = ''
     is_shown: bool = False
     small: float = 0.0
@@ -214,7 +209,6 @@ _QUANTITIES = (
     _Quantity('motor current [A]', 'current', small=0.05),
     _Quantity('electrical power [W]', 'power', small=0.5),
 )
-_BASE = (_Quantity('base position [m]', small=0.05), _Quantity('base attitude [rad]', small=0.01))
 
 
 class ViewPlots:
@@ -228,27 +222,18 @@ class ViewPlots:
         Names of the n joints.
     duration
         Time span of the plots [s].
-    has_base
-        Whether the base moves.
     """
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        names: Sequence[str],
-        duration: float,
-        has_base: bool = False,
-    ) -> None:
+    def __init__(self, server: viser.ViserServer, names: Sequence[str], duration: float) -> None:
         gui = server.gui
         self._names = names
         self._duration = duration
         panel = gui.add_panel()
         with panel.add_tab('Plots'):
             with gui.add_folder('Quantities', expand_by_default=False):
-                quantities = [*_QUANTITIES, *(_BASE if has_base else ())]
-                boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in quantities}
+                boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in _QUANTITIES}
             gui.add_html(_legend(names))
-            self._plots = {q: self._add(gui, q) for q in quantities}
+            self._plots = {q: self._add(gui, q) for q in _QUANTITIES}
         for quantity, box in boxes.items():
             box.on_update(partial(self._show, quantity))
         panel.dock_right()
@@ -267,17 +252,8 @@ class ViewPlots:
         if len(time) < 2:
             return
         for quantity, plot in self._plots.items():
-            if plot.visible and quantity.value:
+            if plot.visible:
                 plot.data = self._columns(quantity, time, values)
-
-    def show_base(self, time: Array, values: Array) -> None:
-        """Draw the base poses `values` (k, 6), with columns `BASE_ROWS`, over `time` (k,) [s]."""
-        if len(time) < 2:
-            return
-        for quantity, columns in zip(_BASE, (values[:, :3], values[:, 3:]), strict=True):
-            plot = self._plots.get(quantity)
-            if plot is not None and plot.visible:
-                plot.data = (time, *np.ascontiguousarray(columns.T))
 
     def _columns(self, quantity: _Quantity, time: Array, values: Array) -> tuple[Array, ...]:
         if quantity.value == 'error':
@@ -309,17 +285,13 @@ class ViewPlots:
             scales={'x': viser.uplot.Scale(time=False, range=(-self._duration, 0.0))}
             | _at_least(quantity.small),
             axes=(viser.uplot.Axis(ticks=_TICKS), _ACROSS),
-            legend=viser.uplot.Legend(show=not quantity.value),
+            legend=viser.uplot.Legend(show=False),
             height=_HEIGHT,
             padding=_PADDING,
             visible=quantity.is_shown,
         )
 
     def _series(self, quantity: _Quantity) -> list[viser.uplot.Series]:
-        if not quantity.value:
-            first = 0 if quantity is _BASE[0] else 3
-            labels = BASE_ROWS[first : first + 3]
-            return [_line(label, _color(k)) for k, label in enumerate(labels)]
         colors = [_color(k) for k in range(len(self._names))]
         lines = [_line(name, color) for name, color in zip(self._names, colors, strict=True)]
         # The curves of the joints are last, so that they are drawn on top.

@@ -1,4 +1,4 @@
-"""Client that runs the guided commissioning procedure on a bridge."""
+"""Client that runs the guided commissioning procedure on a bridge, in a terminal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import secrets
 import select
 import sys
 import time
-from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -41,173 +40,6 @@ _STILL = 0.01  # [rad] largest motion of a resting motor between two reports, on
 _STILL_REPORTS = 10
 
 
-class CommissioningClient:
-    """Run a `Commissioning` procedure on a bridge.
-
-    The owner must call `poll` at 10 Hz or faster.
-
-    Parameters
-    ----------
-    node
-        Owner of publisher and subscription.
-    config, urdf
-        Configuration and URDF of the arm, '' for the packaged files.
-    record
-        File for the commissioning record, '' for the default file next to the configuration.
-
-    Attributes
-    ----------
-    guided
-        The commissioning procedure, None before `begin`.
-    report
-        Newest report of the bridge, None before the first.
-    """
-
-    def __init__(self, node: Node, config: str = '', urdf: str = '', record: str = '') -> None:
-        self.guided: Commissioning | None = None
-        self.report: ProbeReport | None = None
-        self._node = node
-        self._source = Path(config) if config else resource('config', 'aerarm.yaml')
-        self._config = load_arm_config(config or None)
-        self._urdf = urdf
-        self._given = record
-        self._name = secrets.token_hex(4)
-        self._sent = self._received_at = -_PERIOD
-        self._prefix = ''
-        self._saved: CommissioningRecord | None = None
-        self._publisher = topics.COMMISSIONING_REQUEST.publisher(node)
-        topics.COMMISSIONING_REPORT.subscription(node, self._on_report)
-
-    @property
-    def is_on(self) -> bool:
-        """Whether the commissioning procedure is running."""
-        return self.guided is not None and not self.guided.is_done
-
-    @property
-    def prompt(self) -> Prompt | None:
-        """Commissioning prompt that the user must answer now, or None."""
-        return None if self.guided is None else self.guided.prompt
-
-    @property
-    def path(self) -> Path:
-        """Path of the file with the commissioning record."""
-        emulated = self.report is not None and self.report.emulated
-        return Path(self._given) if self._given else record_path(self._source, emulated)
-
-    @property
-    def problem(self) -> str:
-        """Reason why the commissioning procedure cannot continue, or an empty string."""
-        silent = time.monotonic() - self._received_at > _SILENCE
-        text = 'the bridge no longer responds: check the log of the bridge'
-        return text if silent and self.is_on else ''
-
-    @property
-    def outcome(self) -> tuple[bool, str]:
-        """Whether every recorded joint has passed, and a summary that names the record's file."""
-        record = self.guided.record.joints if self.guided is not None else {}
-        failed = [name for name, entry in record.items() if not entry.passed]
-        if failed:
-            return False, (
-                f'{", ".join(failed)} did not pass: read the findings in {self.path}, correct '
-                'their causes, then commission these joints again'
-            )
-        return True, f'passed: {", ".join(record)}; record: {self.path}'
-
-    def begin(self, joints: Sequence[str] = (), resume: bool = False) -> None:
-        """Start the commissioning procedure for the named joints, or for all if `joints` is empty.
-
-        With `resume`, the procedure skips joints that have passed with the present configuration.
-
-        Raises
-        ------
-        ValueError
-            If no bridge has reported or its arm differs from the configuration, if a joint or the
-            record is invalid, or if all joints have passed.
-        """
-        if self.report is None:
-            raise ValueError(
-                'no bridge has answered a commissioning request yet: check that a bridge is active'
-            )
-        own = self._config.joint_names
-        self._prefix = self.report.joints[0].removesuffix(own[0])
-        config = self._config.with_prefix(self._prefix)
-        if config.joint_names != self.report.joints:
-            raise ValueError(
-                f'the bridge has joints {", ".join(self.report.joints)}, but {self._source} has '
-                f'{", ".join(own)}: select the same configuration as the bridge, with --config'
-            )
-        robot = load_robot(
-            self._urdf or None,
-            gravity_in_base=config.gravity_in_base,
-            joint_names=own,
-            prefix=self._prefix,
-        )
-        record = self._known_record()
-        unknown = [name for name in joints if name not in own]
-        if unknown:
-            raise ValueError(f'unknown joint {", ".join(unknown)}: choose from {", ".join(own)}')
-        chosen = [i for i, name in enumerate(own) if not joints or name in joints]
-        if resume:
-            chosen = [i for i in chosen if i in record.open_joints(self._config)]
-        if not chosen:
-            raise ValueError(f'every selected joint has already passed: see the record {self.path}')
-        self._saved = record.with_prefix(self._prefix)
-        self._received_at = time.monotonic()
-        self.guided = Commissioning(config, robot, self._saved, chosen, self._name)
-
-    def poll(self) -> None:
-        """Send the present request to the bridge, process its newest report, and save the record.
-
-        Raises OSError if the record cannot be saved.
-        """
-        now = time.monotonic()
-        if now - self._sent >= _PERIOD:
-            self._sent = now
-            watch = ProbeRequest(f'{self._name}:begin', WATCH)
-            self._send(self.guided.request if self.guided else watch)
-        guided, report = self.guided, self.report
-        if guided is None or report is None:
-            return
-        guided.update(datetime.now().astimezone(), report)
-        if guided.record is not self._saved:
-            self._saved = guided.record
-            self._saved.without_prefix(self._prefix).save(self.path)
-
-    def end(self) -> None:
-        """Switch the motors off; joints that have passed stay in the record."""
-        if self.guided is not None:
-            self.guided.end()
-        for _ in range(_LAST):
-            self._send(ProbeRequest(f'{self._name}:end', OFF))
-            time.sleep(_PERIOD)
-
-    def _known_record(self) -> CommissioningRecord:
-        assert self.report is not None
-        fresh = CommissioningRecord(self._config.name, self.report.emulated)
-        if not self.path.exists():
-            return fresh
-        record = load_record(self.path)
-        if (record.arm, record.emulated) != (fresh.arm, fresh.emulated):
-            kind = 'an emulated' if record.emulated else 'the real'
-            raise ValueError(
-                f'{self.path} contains the commissioning record of {kind} arm {record.arm}: select '
-                'another file with --record'
-            )
-        return record
-
-    def _send(self, request: ProbeRequest) -> None:
-        self._publisher.publish(String(data=request.text()))
-
-    def _on_report(self, message: String) -> None:
-        try:
-            report = ProbeReport.parse(message.data)
-        except ValueError:
-            return
-        if report.id.partition(':')[0] == self._name:
-            self._received_at = time.monotonic()
-            self.report = report
-
-
 class EmulatedPerson:
     """Turn the joints of emulated boards and confirm the prompts, as a person does on a real arm.
 
@@ -215,14 +47,14 @@ class EmulatedPerson:
     ----------
     node
         Owner of the parameter client.
-    client
-        Commissioning client whose prompts are answered.
+    run
+        Commissioning run whose prompts are answered.
     bridge
         Node of the emulated boards, with the parameter `hand`.
     """
 
-    def __init__(self, node: Node, client: CommissioningClient, bridge: str) -> None:
-        self._client = client
+    def __init__(self, node: Node, run: CommissioningRun, bridge: str) -> None:
+        self._run = run
         self._parameters = AsyncParameterClient(node, bridge)
         self._prompt: Prompt | None = None
         self._future: Future | None = None
@@ -230,12 +62,12 @@ class EmulatedPerson:
         self._still = 0
 
     def poll(self) -> None:
-        """Turn a joint, or confirm a prompt; call this method once after each `poll` of the client.
+        """Turn a joint, or confirm a prompt; call this method once after each request of the run.
 
         Raises ValueError if the parameter `hand` is rejected.
         """
-        prompt, report = self._client.prompt, self._client.report
-        if prompt is None or self._client.guided is None:
+        prompt, report = self._run.prompt, self._run.report
+        if prompt is None or self._run.guided is None:
             return
         if prompt is not self._prompt:
             self._prompt, self._still = prompt, 0
@@ -252,7 +84,7 @@ class EmulatedPerson:
                 raise ValueError(result.reason)
             if not self._rests(report):
                 return
-        self._client.guided.answer(True)
+        self._run.guided.answer(True)
 
     def _rests(self, report: ProbeReport | None) -> bool:
         """Return whether all motors have been at rest in the last ten reports."""
@@ -270,7 +102,7 @@ _ANSWERS = '[y: done, n: skip this step, Ctrl-C: stop and switch the motors off]
 
 
 class CommissioningRun:
-    """Run the commissioning procedure in a terminal: print prompts and findings, read answers.
+    """Run a `Commissioning` procedure on a bridge: print prompts and findings, read answers.
 
     Parameters
     ----------
@@ -278,15 +110,42 @@ class CommissioningRun:
         Node without executor.
     options
         Options of `arm commission`.
+
+    Attributes
+    ----------
+    guided
+        The commissioning procedure, None before its begin.
+    report
+        Newest report of the bridge, None before the first.
     """
 
     def __init__(self, node: Node, options: argparse.Namespace) -> None:
+        self.guided: Commissioning | None = None
+        self.report: ProbeReport | None = None
         self._node, self._options = node, options
-        self._client = CommissioningClient(node, options.config, options.urdf, options.record)
-        self._person = EmulatedPerson(node, self._client, options.bridge) if options.yes else None
+        self._source = Path(options.config or resource('config', 'aerarm.yaml'))
+        self._config = load_arm_config(options.config or None)
+        self._name = secrets.token_hex(4)
+        self._sent = self._received_at = -_PERIOD
+        self._prefix = ''
+        self._saved: CommissioningRecord | None = None
+        self._person = EmulatedPerson(node, self, options.bridge) if options.yes else None
         self._typed = ''
         self._asked: object = None
         self._printed = 0
+        self._publisher = topics.COMMISSIONING_REQUEST.publisher(node)
+        topics.COMMISSIONING_REPORT.subscription(node, self._on_report)
+
+    @property
+    def prompt(self) -> Prompt | None:
+        """Commissioning prompt that the user must answer now, or None."""
+        return None if self.guided is None else self.guided.prompt
+
+    @property
+    def _path(self) -> Path:
+        """Path of the file with the commissioning record."""
+        emulated = self.report is not None and self.report.emulated
+        return Path(self._options.record or record_path(self._source, emulated))
 
     def run(self) -> None:
         """Run the commissioning procedure, then switch the motors off, even after an error.
@@ -296,72 +155,161 @@ class CommissioningRun:
         ArmClientError
             If no bridge runs, the bridge stops answering, or a joint does not pass.
         """
-        client, options = self._client, self._options
         try:
             self._find_bridge()
-            client.begin(options.joint, options.resume)
+            self._begin()
             self._lead()
         except ValueError as error:
             raise ArmClientError(str(error)) from None
         finally:
-            client.end()
-        passed, text = client.outcome
-        if not passed:
-            record = f' --record {options.record}' if options.record else ''
-            raise ArmClientError(f"{text} with 'arm commission --resume{record}'")
-        print(text, flush=True)
+            self._end()
+        assert self.guided is not None
+        record = self.guided.record.joints
+        failed = [name for name, entry in record.items() if not entry.passed]
+        if failed:
+            option = f' --record {self._options.record}' if self._options.record else ''
+            raise ArmClientError(
+                f'{", ".join(failed)} did not pass: read the findings in {self._path}, correct '
+                'their causes, then commission these joints again with '
+                f"'arm commission --resume{option}'"
+            )
+        print(f'passed: {", ".join(record)}; record: {self._path}', flush=True)
 
     def _find_bridge(self) -> None:
-        client = self._client
-
         def has_reported() -> bool:
-            client.poll()
-            return client.report is not None
+            self._poll()
+            return self.report is not None
 
         if not spin_until(self._node, has_reported, self._options.timeout):
             raise ArmClientError(
                 'no bridge answers on the topic commissioning_report: check that a bridge is '
                 f'active in {this_domain()}'
             )
-        if self._person is not None and not (client.report and client.report.emulated):
+        if self._person is not None and not (self.report and self.report.emulated):
             raise ArmClientError(
                 '--yes is for emulated boards only, because on a real arm a person must turn the '
                 'joints and check that the arm can move freely: remove --yes'
             )
 
+    def _begin(self) -> None:
+        """Start the procedure for the joints that the options name; raise ValueError if invalid."""
+        assert self.report is not None
+        joints = self._options.joint
+        own = self._config.joint_names
+        self._prefix = self.report.joints[0].removesuffix(own[0])
+        config = self._config.with_prefix(self._prefix)
+        if config.joint_names != self.report.joints:
+            raise ValueError(
+                f'the bridge has joints {", ".join(self.report.joints)}, but {self._source} has '
+                f'{", ".join(own)}: select the same configuration as the bridge, with --config'
+            )
+        robot = load_robot(
+            self._options.urdf or None,
+            gravity_in_base=config.gravity_in_base,
+            joint_names=own,
+            prefix=self._prefix,
+        )
+        record = self._known_record()
+        unknown = [name for name in joints if name not in own]
+        if unknown:
+            raise ValueError(f'unknown joint {", ".join(unknown)}: choose from {", ".join(own)}')
+        chosen = [i for i, name in enumerate(own) if not joints or name in joints]
+        if self._options.resume:
+            chosen = [i for i in chosen if i in record.open_joints(self._config)]
+        if not chosen:
+            raise ValueError(
+                f'every selected joint has already passed: see the record {self._path}'
+            )
+        self._saved = record.with_prefix(self._prefix)
+        self._received_at = time.monotonic()
+        self.guided = Commissioning(config, robot, self._saved, chosen, self._name)
+
     def _lead(self) -> None:
-        client = self._client
-        while client.is_on:
+        guided = self.guided
+        assert guided is not None
+        while not guided.is_done:
             rclpy.spin_once(self._node, timeout_sec=_SPIN)
-            client.poll()
+            self._poll()
             self._print_news()
-            if client.problem:
-                raise ArmClientError(client.problem)
+            if time.monotonic() - self._received_at > _SILENCE and not guided.is_done:
+                raise ArmClientError('the bridge no longer responds: check the log of the bridge')
             self._ask()
             if self._person is not None:
                 self._person.poll()
             else:
                 self._read_answer()
-        client.poll()  # an answer may have ended the last joint
+        self._poll()  # an answer may have ended the last joint
         self._print_news()
 
+    def _poll(self) -> None:
+        """Send the present request to the bridge, process its newest report, and save the record.
+
+        Raises OSError if the record cannot be saved.
+        """
+        now = time.monotonic()
+        if now - self._sent >= _PERIOD:
+            self._sent = now
+            watch = ProbeRequest(f'{self._name}:begin', WATCH)
+            self._send(self.guided.request if self.guided else watch)
+        guided, report = self.guided, self.report
+        if guided is None or report is None:
+            return
+        guided.update(datetime.now().astimezone(), report)
+        if guided.record is not self._saved:
+            self._saved = guided.record
+            self._saved.without_prefix(self._prefix).save(self._path)
+
+    def _end(self) -> None:
+        """Switch the motors off; joints that have passed stay in the record."""
+        if self.guided is not None:
+            self.guided.end()
+        for _ in range(_LAST):
+            self._send(ProbeRequest(f'{self._name}:end', OFF))
+            time.sleep(_PERIOD)
+
+    def _known_record(self) -> CommissioningRecord:
+        assert self.report is not None
+        fresh = CommissioningRecord(self._config.name, self.report.emulated)
+        if not self._path.exists():
+            return fresh
+        record = load_record(self._path)
+        if (record.arm, record.emulated) != (fresh.arm, fresh.emulated):
+            kind = 'an emulated' if record.emulated else 'the real'
+            raise ValueError(
+                f'{self._path} contains the commissioning record of {kind} arm {record.arm}: '
+                'select another file with --record'
+            )
+        return record
+
+    def _send(self, request: ProbeRequest) -> None:
+        self._publisher.publish(String(data=request.text()))
+
+    def _on_report(self, message: String) -> None:
+        try:
+            report = ProbeReport.parse(message.data)
+        except ValueError:
+            return
+        if report.id.partition(':')[0] == self._name:
+            self._received_at = time.monotonic()
+            self.report = report
+
     def _print_news(self) -> None:
-        guided = self._client.guided
+        guided = self.guided
         news = guided.news if guided is not None else []
         for line in news[self._printed :]:
             print(line, flush=True)
         self._printed = len(news)
 
     def _ask(self) -> None:
-        prompt = self._client.prompt
+        prompt = self.prompt
         if prompt is not None and prompt is not self._asked:
             self._asked = prompt
             print(f'  {prompt.text} {_ANSWERS}', flush=True)
 
     def _read_answer(self) -> None:
         """Answer the prompt with a typed line; raise ArmClientError if the terminal was closed."""
-        guided = self._client.guided
-        if guided is None or self._client.prompt is None:
+        guided = self.guided
+        if guided is None or self.prompt is None:
             return
         if '\n' not in self._typed and select.select([sys.stdin], [], [], 0.0)[0]:
             read = os.read(sys.stdin.fileno(), 256).decode(errors='replace')

@@ -21,7 +21,6 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.bags.bag_reader import topics as topics_of
 from aerarm_msgs_py.bags.bag_writer import BagWriter, RecordedTopic
 from aerarm_ros.link.connection import Connection
-from aerarm_ros.ros.link.link_ends import _MALFORMED
 from aerarm_ros.ros.link.recordings import (
     BAG_REPORTS,
     BAG_REQUESTS,
@@ -340,36 +339,20 @@ def test_the_user_learns_that_the_drone_started_again_during_the_recording(
     assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
 
 
-def random_message(source: random.Random) -> bytes:
-    """JSON objects with known keys and unsuitable values, and random bytes."""
-    if source.random() < 0.3:
-        return source.randbytes(source.randrange(30))
-    values = ['flight', '../x', '', None, 5, -1, 1e400, [], [['a', 1]], {}, 'failed', 'stored']
-    keys = ('do', 'name', 'id', 'state', 'text', 'number', 'files')
-    content = {key: source.choice(values) for key in keys if source.random() < 0.9}
-    if source.random() < 0.5:
-        content |= {'do': source.choice(('watch', 'finish')), 'name': 'flight', 'id': 'a'}
-    return json.dumps(source.choice((content, content, [content], 'text'))).encode()
-
-
-def test_random_messages_cause_no_unexpected_exception(
-    link: LinkedRecordings, tmp_path: Path
+@pytest.mark.parametrize(
+    ('name', 'do', 'problem'),
+    [
+        ('../x', 'record', 'no valid bag name'),
+        ('../x', 'finish', 'no valid bag name'),
+        ('flight', 'fly', "does not know the request 'fly'"),
+    ],
+)
+def test_an_invalid_request_is_rejected(
+    link: LinkedRecordings, tmp_path: Path, name: str, do: str, problem: str
 ) -> None:
-    make_bag(tmp_path, blocks=5)
-    source = random.Random(11)
     with link.lock:
-        link.is_over = True
-        link.ground._folders['a'] = tmp_path / 'here'
-        for _ in range(400):
-            content = random_message(source)
-            for take in (
-                *(link.drone.take_request, link.drone.take_question),
-                *(link.ground.take_report, link.ground.take_block),
-            ):
-                try:
-                    take(content)
-                except _MALFORMED:
-                    continue
-                link.drone.update(time.monotonic(), time.monotonic())
-        assert len(link.drone._served) <= 4
-        assert not list(tmp_path.glob('x*'))
+        link.drone.take_request(json.dumps({'name': name, 'do': do, 'id': 'a'}).encode())
+        assert problem in next(iter(link.to_ground._messages)).payload.decode()
+        assert link.drone._process is None
+        assert link.drone._served == {}
+    assert not list(tmp_path.glob('x*'))
