@@ -156,9 +156,8 @@ setup(
     extras_require={
         'ros': ROS_WHEELS,
         'spi': ['spidev>=3.5,<4'],
-        # Tables of many bags, and many computers for them.
+        # Tables of many bags.
         'fleet': ['pyarrow>=14,<27'],
-        'ray': ['ray>=2.9,<3'],
         'view': VIEW,
         'docs': DOCS,
         'mutants': ['mutmut>=3.8,<4'],

@@ -1,4 +1,4 @@
-"""Parallel calls of a function in processes, on this computer or on a Ray cluster.
+"""Parallel calls of a function in processes, on this computer.
 
 A run that raises, or whose process is killed, yields a `Failure` and does not affect other runs.
 Each result is yielded as soon as the run ends.
@@ -6,12 +6,10 @@ Each result is yielded as soon as the run ends.
 
 from __future__ import annotations
 
-import logging
 import multiprocessing
 import os
 import resource
 import signal
-import sys
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -28,8 +26,6 @@ from aerarm_ros.realtime.scheduling import THREAD_VARIABLES, use_one_thread
 Item = TypeVar('Item')
 Result = TypeVar('Result')
 
-LOCAL = 'local'
-"""Address for a temporary Ray cluster on this computer, which is started for the runs."""
 _TASKS = 25  # runs of a process before a new process replaces it, which bounds its memory
 _GIB = 2**30
 _unprepared: list[str] = []
@@ -146,65 +142,6 @@ def run_in_order(
         while following in results:
             yield results.pop(following)
             following += 1
-
-
-def run_each_on_ray(
-    function: Callable[[Item], Result], items: Sequence[Item], address: str = LOCAL
-) -> Iterator[tuple[int, Result | Failure]]:
-    """Run a function for each argument on a Ray cluster; yield run numbers and results.
-
-    Parameters
-    ----------
-    function, items
-        As for `run_each`. Files that items name must exist on every computer.
-    address : str
-        Ray's address of an existing cluster; 'local' starts a cluster on this computer.
-
-    Raises
-    ------
-    RuntimeError
-        If Ray is not installed or the cluster does not answer.
-    """
-    try:
-        import ray
-    except ImportError:
-        raise RuntimeError("Ray is not installed: pip install 'aerarm_ros[ray]'") from None
-    use_one_thread()
-    try:
-        ray.init(
-            address=None if address == LOCAL else address,
-            include_dashboard=False if address == LOCAL else None,
-            runtime_env=_here() if address == LOCAL else None,
-            log_to_driver=False,
-            logging_level=logging.WARNING,
-        )
-    except (ConnectionError, ValueError, RuntimeError) as error:
-        raise RuntimeError(
-            f'Ray at {address} does not respond ({error}): check that the cluster runs'
-        ) from None
-    try:
-
-        def run(item: Item) -> Result:
-            return function(item)
-
-        remote = ray.remote(max_retries=1)(run)
-        pending: dict[Any, int] = {remote.remote(item): k for k, item in enumerate(items)}
-        while pending:
-            (done,), _ = ray.wait(list(pending), num_returns=1)
-            index = pending.pop(done)
-            try:
-                yield index, ray.get(done)
-            except ray.exceptions.RayTaskError as error:
-                yield index, Failure(_reason(error.cause))
-            except ray.exceptions.RayError as error:
-                yield index, Failure(str(error).splitlines()[0], is_final=False)
-    finally:
-        ray.shutdown()
-
-
-def _here() -> dict[str, Any]:
-    """Return a Ray runtime environment that has the module search path of this process."""
-    return {'env_vars': {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}}
 
 
 def _call(function: Callable[..., Result], arguments: tuple[Any, ...]) -> Result:

@@ -16,7 +16,7 @@ from parallel_functions import (
     wait_for,
 )
 
-from aerarm_ros.parallel import Failure, run_each, run_each_on_ray, run_in_order
+from aerarm_ros.parallel import Failure, run_each, run_in_order
 
 
 @pytest.mark.parametrize('workers', [1, 2])
@@ -73,8 +73,3 @@ def test_results_come_in_the_order_of_the_arguments() -> None:
     assert list(run_in_order(product, pairs, 2)) == [0, 2, 4, 6]
     with pytest.raises(RuntimeError, match='run 2 of 3 failed: ValueError: four is refused'):
         list(run_in_order(product, [(1, 1), (2, 1), (4, 1)], 2))
-
-
-def test_ray_gives_the_same() -> None:
-    pytest.importorskip('ray', reason='Ray is not installed: pip install aerarm_ros[ray]')
-    assert dict(run_each_on_ray(square, range(6))) == dict(run_each(square, range(6), 2))

@@ -25,7 +25,7 @@ from aerarm_ros.identification.identification_result import judge, read_limits
 from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.identification.report.fleet_page import fleet_page
 from aerarm_ros.pages.html_text import package_version
-from aerarm_ros.parallel import Failure, run_each, run_each_on_ray
+from aerarm_ros.parallel import Failure, run_each
 from aerarm_ros.ros.process.process_end import ProgressLine, print_notice
 from aerarm_ros.ros.programs.identifier_options import result_folder
 from aerarm_ros.ros.programs.identifier_run import IdentifierRun
@@ -115,7 +115,7 @@ JOURNAL, TABLE, COLUMNS, PAGE = 'rows.jsonl', 'fleet.csv', 'fleet.parquet', 'fle
 _BAG_FILES = ('.mcap', '.db3', '.bag', *TABLES)
 _LIST = '.txt'
 # Options on which the content of a row does not depend.
-_NOT_IN_ROWS = ('each', 'out', 'workers', 'worker_memory', 'ray', 'started', 'bag')
+_NOT_IN_ROWS = ('each', 'out', 'workers', 'worker_memory', 'started', 'bag')
 
 
 class FleetRun:
@@ -189,15 +189,9 @@ class FleetRun:
         return self._summary()
 
     def _outcomes(self, bags: Sequence[Path]) -> Iterator[tuple[int, Row | Failure]]:
-        function = partial(identify, settings=self._settings)
-        if self._settings.ray:
-            try:
-                yield from run_each_on_ray(function, bags, self._settings.ray)
-            except RuntimeError as error:
-                raise IdentificationError(str(error)) from None
-        else:
-            settings = self._settings
-            yield from run_each(function, bags, settings.workers, settings.worker_memory)
+        settings = self._settings
+        function = partial(identify, settings=settings)
+        yield from run_each(function, bags, settings.workers, settings.worker_memory)
 
     def _row(self, bag: Path, outcome: Row | Failure) -> Row:
         if not isinstance(outcome, Failure):

@@ -87,9 +87,6 @@ _OPTIONS: tuple[Option, ...] = (
         'number of parallel processes for --each (default: one per CPU)'),
     ('--worker-memory', {'type': float, 'default': 4.0, 'metavar': 'GIB'},
         'memory limit of each process of --each [GiB]; 0 for no limit (default: %(default)g)'),
-    ('--ray', {'default': '', 'metavar': 'ADDRESS'},
-        'address of the Ray cluster that runs the identifications of --each; '
-        "'local' starts a cluster on this computer"),
     ('--holdout', {'type': fraction, 'default': 0.0, 'metavar': 'SHARE'},
         'fraction of each recording of --bag, taken from its end, for validation instead of '
         'identification'),

@@ -108,12 +108,6 @@ def test_other_options_begin_again(out: Path, folder: Path, tmp_path: Path, caps
     assert float(row['cutoff']) == 3.0
 
 
-def test_ray_gives_the_same_rows(out: Path, folder: Path, tmp_path: Path) -> None:
-    pytest.importorskip('ray', reason='Ray is not installed: pip install aerarm_ros[ray]')
-    assert run('--each', folder, '--ray', 'local', '--out', tmp_path / 'ray') == 0
-    assert comparable(rows(tmp_path / 'ray')) == comparable(rows(out))
-
-
 def test_bags_are_found_in_folders_patterns_and_lists(folder: Path, tmp_path: Path) -> None:
     assert len(find_bags([folder])) == 4
     assert len(find_bags([folder / '*' / 'a.npz'])) == 2
