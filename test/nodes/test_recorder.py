@@ -292,10 +292,8 @@ def test_silent_streams_a_second_bridge_and_unrecordable_publishers_are_named(
     other.create_publisher(topic.type, topic.name, topic.qos)
     wait_for_text(recorder, '/joint_states has 2 publishers, /other_bridge and /test: stop all')
     other.destroy_node()
-    wait_for_text(
-        recorder, '/imu of /test is not recorded, because its type is std_msgs/msg/String'
-    )
-    wait_for_text(recorder, '/plan_status of /test is not recorded, because it is best effort')
+    wait_for_text(recorder, '/imu of /test is not recorded: its type is std_msgs/msg/String')
+    wait_for_text(recorder, '/plan_status of /test is not recorded: its quality of service is')
     assert recorder.stop() == 0
     assert recorder.tail(30).count('/imu of /test') == 1
     assert '/motor_states: 0 messages, because the publisher sent none' in recorder.tail(30)
