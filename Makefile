@@ -28,7 +28,7 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: check help setup develop demo experiment energy calibration flight world view test attacks same commissioning lint fuzz mutants compiled-test bench two-hosts docs pictures clean
+.PHONY: check help setup develop demo experiment energy calibration flight world view test tests quick attacks same commissioning lint fuzz mutants compiled-test bench two-hosts docs pictures clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -108,11 +108,18 @@ QUICK := $(addprefix test/,description model motion simulation energy planner re
 	autopilot excitation control contact hardware/gate hardware/frames hardware/boards architecture/test_imports.py docs/test_prose.py)
 SLOW := $(addprefix --ignore=test/,control/base/test_free_base_estimator.py excitation/design/test_trajectory_designer.py)
 
-check: lint
-	$(BIN)/python -m pytest --quiet --numprocesses 2 $(SLOW) $(QUICK)
+check: develop
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint quick
 
-test: lint
-	$(BIN)/python -m pytest --numprocesses 3 --dist worksteal
+quick: develop
+	+$(BIN)/python -m pytest --quiet --numprocesses 2 $(SLOW) $(QUICK)
+
+# Lint uses the time in which the tests wait. Its output comes at once; that of pytest as it goes on.
+test: develop
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint tests
+
+tests: develop
+	+$(BIN)/python -m pytest --numprocesses 3 --dist worksteal
 
 attacks: develop
 	$(BIN)/python test/hardware/attack_campaign.py

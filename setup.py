@@ -156,7 +156,6 @@ setup(
     extras_require={
         'ros': ROS_WHEELS,
         'spi': ['spidev>=3.5,<4'],
-        # Tables of many bags, and many computers for them.
         'view': VIEW,
         'docs': DOCS,
         'mutants': ['mutmut>=3.8,<4'],

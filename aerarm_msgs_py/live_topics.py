@@ -1,14 +1,9 @@
-"""Receivers of serialized messages, with a wait set or an executor, and with loss counters."""
+"""Receiver of serialized messages, with loss counters."""
 
 import ctypes
-from collections import deque
-from collections.abc import Callable, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-import rclpy
 from rclpy.callback_groups import CallbackGroup
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerGuardCondition
@@ -58,12 +53,7 @@ class IdentifiedTake:
 
     The message info of rclpy lacks the publisher, so this class calls the C library rcl. Each
     publisher numbers its own messages; without the publisher, lost messages cannot be counted
-    exactly.
-
-    Raises
-    ------
-    OSError, AttributeError
-        If the installed ROS lacks the functions, see `available`.
+    exactly. The structs are those of ROS 2 Jazzy.
     """
 
     def __init__(self) -> None:
@@ -79,14 +69,6 @@ class IdentifiedTake:
             ctypes.byref(self._array), ctypes.c_size_t(4096), ctypes.byref(self._memory)
         ):
             raise OSError('rcutils cannot allocate memory for a message')
-
-    @staticmethod
-    def available() -> bool:
-        """Return whether the installed rclpy is that of Jazzy, with these functions and structs."""
-        try:
-            return version('rclpy').startswith('7.1.')
-        except PackageNotFoundError:
-            return False
 
     def take(self, subscription: Any) -> RawMessage | None:
         """Return the oldest waiting message of a subscription (rclpy handle), with its info.
@@ -116,73 +98,6 @@ class IdentifiedTake:
         self._finish(ctypes.byref(self._array))
 
 
-class ExecutorSource:
-    """Receiver of serialized messages by subscriptions of a helper node with its own executor.
-
-    The interface is that of `WaitSetSource`. `ExecutorSource` uses only the public API of rclpy,
-    but needs about 15 us more per message. Because of the helper node, the executor runs no
-    callbacks of the caller's node.
-
-    Parameters
-    ----------
-    node
-        Node whose namespace and context the helper node uses.
-    topics
-        Topics to subscribe to.
-    identify
-        No effect, because rclpy does not report the publisher of a message.
-    """
-
-    def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
-        self._node = rclpy.create_node(
-            f'{node.get_name()}_reader',
-            namespace=node.get_namespace(),
-            context=node.context,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(self._node)
-        self._waiting: list[deque[RawMessage]] = [deque(maxlen=topic.qos.depth) for topic in topics]
-        self.subscriptions = [
-            self._node.create_subscription(
-                topic.type, topic.name, _append_to(waiting), topic.qos, raw=True
-            )
-            for topic, waiting in zip(topics, self._waiting, strict=True)
-        ]
-
-    def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s] for a message; return whether a topic has a message."""
-        if not any(self._waiting):
-            self._executor.spin_once(timeout_sec=timeout)
-        return any(self._waiting)
-
-    def take(self, index: int) -> RawMessage | None:
-        """Return the oldest waiting message of a topic with its info; None if none waits."""
-        waiting = self._waiting[index]
-        # One spin runs one callback, of any topic.
-        for _ in range(sum(queue.maxlen or 0 for queue in self._waiting)):
-            if waiting:
-                break
-            self._executor.spin_once(timeout_sec=0.0)
-        return waiting.popleft() if waiting else None
-
-    def destroy(self) -> None:
-        """Destroy the helper node and its executor."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-
-
-def _append_to(waiting: deque[RawMessage]) -> Callable[[bytes, dict[str, int]], None]:
-    def append(payload: bytes, info: Any) -> None:
-        waiting.append((payload, info))
-
-    return append
-
-
-_WAIT_SET_CALLS = ('clear_entities', 'add_subscription', 'add_guard_condition', 'wait', 'is_ready')
-
-
 class HiddenFromExecutors(CallbackGroup):
     """Callback group that keeps executors from receiving the messages of its subscriptions."""
 
@@ -198,56 +113,72 @@ class HiddenFromExecutors(CallbackGroup):
         """Do nothing, because no executor runs a callback of this group."""
 
 
-class WaitSetSource:
-    """Receiver of serialized messages by a node's subscriptions, which a wait set monitors.
+def _ignore(_: bytes) -> None:
+    """Do nothing; rclpy requires a callback per subscription, but no executor calls this one."""
+
+
+_SEQUENCE = 'publication_sequence_number'
+
+
+class RawReader:
+    """Receiver of the serialized messages of one or more topics, by a wait set.
+
+    A controller waits for its state topic and takes the newest message. The bridge takes the newest
+    command without waiting. The recorder waits for all topics and takes every message. The message
+    info is that of rclpy: `source_timestamp` [ns], `received_timestamp` [ns] and
+    `publication_sequence_number`.
 
     At each wake-up an executor builds and walks lists of all entities of a node; a wait set with
-    one subscription does not. The class uses `WaitSet` and `take_message` of rclpy's implementation
-    module, like `rclpy.wait_for_message`. Both are not public, so only this class uses them, and
-    `available` returns whether the installed rclpy has them.
-
-    SIGINT and SIGTERM end a wait early, through the guard condition that rclpy's signal handlers
-    trigger.
+    the subscriptions does not. The class uses `WaitSet` and `take_message` of rclpy's
+    implementation module, like `rclpy.wait_for_message`.
 
     Parameters
     ----------
     node
-        Owner of the subscriptions; an executor in another thread may spin it.
+        Owner of the subscriptions. An executor may spin it in another thread without taking the
+        reader's messages.
     topics
-        Topics to subscribe to.
+        Topics to read. All methods refer to a topic by its index in this list.
     identify
-        Whether the message info contains the publisher, if the installed ROS supports it.
+        Whether to read the publisher of each message. This is slower, but gives the exact number of
+        lost messages if a topic has several publishers. The info then has `publisher`, an
+        identifier of 16 bytes.
+
+    Raises
+    ------
+    ValueError
+        If no topic is given.
     """
 
-    def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
+    def __init__(self, node: Node, *topics: Topic, identify: bool = False) -> None:
+        if not topics:
+            raise ValueError('a RawReader needs at least one topic: pass a Topic')
+        self.topics = topics
         self._node = node
+        self._keeps_one = [topic.qos.depth == 1 for topic in topics]
+        self._gaps = [PublisherGaps() for _ in topics]
+        self._counts = [0] * len(topics)
         group = HiddenFromExecutors()
-        self.subscriptions = [
+        self._subscriptions = [
             node.create_subscription(
                 topic.type, topic.name, _ignore, topic.qos, callback_group=group, raw=True
             )
             for topic in topics
         ]
-        self._types = [topic.type for topic in topics]
-        self._handles = [subscription.handle for subscription in self.subscriptions]
+        self._handles = [subscription.handle for subscription in self._subscriptions]
+        # rclpy's signal handlers trigger it, so SIGINT and SIGTERM end a wait early.
         self._signal = SignalHandlerGuardCondition(context=node.context)
-        self._identified = IdentifiedTake() if identify and IdentifiedTake.available() else None
+        self._identified = IdentifiedTake() if identify else None
         with node.context.handle:
             self._wait_set = rclpy_implementation.WaitSet(
                 len(topics), 1, 0, 0, 0, 0, node.context.handle
             )
 
-    @staticmethod
-    def available() -> bool:
-        """Return whether the installed rclpy has the required functions."""
-        wait_set = getattr(rclpy_implementation, 'WaitSet', None)
-        subscription = getattr(rclpy_implementation, 'Subscription', None)
-        return hasattr(subscription, 'take_message') and all(
-            hasattr(wait_set, call) for call in _WAIT_SET_CALLS
-        )
-
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s] for a message; return whether a topic has a message."""
+        """Wait up to `timeout` [s] for a message; return whether a topic has a message.
+
+        SIGINT and SIGTERM end the wait early, with False.
+        """
         wait_set = self._wait_set
         is_ready = wait_set.is_ready
         wait_set.clear_entities()
@@ -257,93 +188,13 @@ class WaitSetSource:
         wait_set.wait(int(timeout * 1e9))
         return any(is_ready('subscription', k) for k in range(len(self._handles)))
 
-    def take(self, index: int) -> RawMessage | None:
-        """Return the oldest waiting message of a topic with its info; None if none waits."""
-        if self._identified is not None:
-            return self._identified.take(self._handles[index])
-        message: RawMessage | None
-        message = self._handles[index].take_message(self._types[index], True)
-        if message is not None and 'publisher_gid' in message[1]:  # rclpy after Jazzy
-            message[1]['publisher'] = bytes(message[1]['publisher_gid'])
-        return message
-
-    def destroy(self) -> None:
-        """Destroy the subscriptions and the wait set."""
-        for subscription in self.subscriptions:
-            self._node.destroy_subscription(subscription)
-        if self._identified is not None:
-            self._identified.destroy()
-            self._identified = None
-        self._signal.destroy()
-        self._wait_set.destroy_when_not_in_use()
-
-
-def _ignore(_: bytes) -> None:
-    """Do nothing; rclpy requires a callback per subscription, but no executor calls this one."""
-
-
-Source = WaitSetSource | ExecutorSource
-
-_SEQUENCE = 'publication_sequence_number'
-_DEFAULT_SOURCE: Callable[..., Source] = (
-    WaitSetSource if WaitSetSource.available() else ExecutorSource
-)
-
-
-class RawReader:
-    """Receiver of the serialized messages of one or more topics.
-
-    A controller waits for its state topic and takes the newest message. The bridge takes the newest
-    command without waiting. The recorder waits for all topics and takes every message. The message
-    info is that of rclpy: `source_timestamp` [ns], `received_timestamp` [ns] and
-    `publication_sequence_number`.
-
-    Parameters
-    ----------
-    node
-        Owner of the subscriptions. An executor may spin it in another thread without taking the
-        reader's messages.
-    topics
-        Topics to read. All methods refer to a topic by its index in this list.
-    source
-        Source of the messages; by default a wait set, or an executor if rclpy lacks the functions
-        for the wait set.
-    identify
-        Whether to read the publisher of each message. This is slower, but gives the exact number of
-        lost messages if a topic has several publishers. If the installed ROS supports it, the info
-        then has `publisher`, an identifier of 16 bytes.
-
-    Raises
-    ------
-    ValueError
-        If no topic is given.
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        *topics: Topic,
-        source: Callable[..., Source] = _DEFAULT_SOURCE,
-        identify: bool = False,
-    ) -> None:
-        if not topics:
-            raise ValueError('a RawReader needs at least one topic: pass a Topic')
-        self.topics = topics
-        self._keeps_one = [topic.qos.depth == 1 for topic in topics]
-        self._source = source(node, topics, identify)
-        self._gaps = [PublisherGaps() for _ in topics]
-        self._counts = [0] * len(topics)
-
-    def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s] for a message; return whether a topic has a message.
-
-        SIGINT and SIGTERM end the wait early, with False.
-        """
-        return self._source.wait(timeout)
-
     def take(self, index: int = 0) -> RawMessage | None:
         """Return the oldest waiting message of a topic and its info; None if none waits."""
-        message = self._source.take(index)
+        message: RawMessage | None
+        if self._identified is not None:
+            message = self._identified.take(self._handles[index])
+        else:
+            message = self._handles[index].take_message(self.topics[index].type, True)
         if message is not None:
             self._counts[index] += 1
             self._gaps[index].add(message[1][_SEQUENCE], message[1].get('publisher'))
@@ -371,8 +222,14 @@ class RawReader:
 
     def publishers(self, index: int = 0) -> int:
         """Return the number of matched publishers of a topic."""
-        return int(self._source.subscriptions[index].get_publisher_count())
+        return int(self._subscriptions[index].get_publisher_count())
 
     def destroy(self) -> None:
-        """Destroy the subscriptions."""
-        self._source.destroy()
+        """Destroy the subscriptions and the wait set."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        if self._identified is not None:
+            self._identified.destroy()
+            self._identified = None
+        self._signal.destroy()
+        self._wait_set.destroy_when_not_in_use()

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import yaml
 
@@ -102,18 +102,6 @@ def _topic_metadata(topic: RecordedTopic) -> dict[str, object]:
     }
 
 
-class _TimedFile(io.FileIO):
-    """File that measures the total time of its writes."""
-
-    seconds = 0.0
-
-    def write(self, content: Any, /) -> int:
-        begin = time.monotonic()
-        written = super().write(content)
-        self.seconds += time.monotonic() - begin
-        return written
-
-
 _CHUNK_PERIOD = 0.2  # [s]
 _CHUNK_SIZE = 2**20  # [bytes]
 _METADATA_PERIOD = 1.0  # [s]
@@ -156,7 +144,7 @@ class BagWriter:
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
         self._make_directory()
         try:
-            self._stream = _TimedFile(self.directory / self._metadata.file, 'xb')
+            self._stream = io.FileIO(self.directory / self._metadata.file, 'xb')
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(self._stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._writer = McapWriter(self._stream, topics, compression)
@@ -179,11 +167,6 @@ class BagWriter:
     def waiting(self) -> int:
         """Number of messages that are queued but not stored yet."""
         return len(self._queue)
-
-    @property
-    def disk_time(self) -> float:
-        """Total time [s] of all writes to the disk so far."""
-        return self._stream.seconds
 
     def fileno(self) -> int:
         """Return the file descriptor of the MCAP file."""

@@ -171,10 +171,7 @@ class Recorder:
             self._node.get_logger().warning(news)
         losing = {name: lost for name, (_, lost) in counts.items() if lost}
         names = ', '.join(losing)
-        last = self._losses.last
         problem = f'{sum(losing.values())} messages of {names} were lost'
-        if last is not None:
-            problem += f' (cause of the last loss: {last.cause})'
         messages, size = self._feed.written()
         values = {
             'bag': self._directory,

@@ -19,7 +19,7 @@ from rclpy.client import Client
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -143,16 +143,6 @@ def _run_service(service: Service) -> None:
         service.send_response(service.callback(request, service.srv_type.Response()), header)
 
 
-# Functions of rclpy's private implementation module that this executor uses.
-_CALLS = {
-    'WaitSet': ('clear_entities', 'wait', 'is_ready', 'add_guard_condition'),
-    'Subscription': ('take_message',),
-    'Timer': ('is_timer_ready', 'call_timer'),
-    'Client': ('take_response',),
-    'Service': ('service_take_request',),
-}
-
-
 class LeanExecutor:
     """Executor for one node that takes less processor time than rclpy's executors.
 
@@ -185,15 +175,6 @@ class LeanExecutor:
         self._changed = True
         self._context.on_shutdown(self.wake)
         node.executor = self
-
-    @staticmethod
-    def available() -> bool:
-        """Return whether the installed rclpy has the private functions that this class needs."""
-        return all(
-            hasattr(getattr(rclpy_implementation, name, None), call)
-            for name, calls in _CALLS.items()
-            for call in calls
-        )
 
     # Methods that a node calls on its executor.
 
@@ -337,7 +318,7 @@ class BackgroundExecutor:
         self._context = node.context
         # rclpy's Executor.wake() only restarts the wait; this guard condition ends it.
         self._end = node.create_guard_condition(lambda: None)
-        self._executor = _executor(node, before_work)
+        self._executor = LeanExecutor(node, before_work)
         self._switch_interval = SWITCH_INTERVAL_IN_SLACK if before_work else SWITCH_INTERVAL
         self._stopped = False
         self._thread = threading.Thread(target=self._spin, name='ros', daemon=True)
@@ -369,16 +350,6 @@ class BackgroundExecutor:
                         return
                     # An error in one callback must not stop the e-stop service.
                     traceback.print_exc()
-
-
-def _executor(
-    node: Node, before_work: Callable[[], None] | None
-) -> LeanExecutor | SingleThreadedExecutor:
-    if LeanExecutor.available():
-        return LeanExecutor(node, before_work)
-    executor = SingleThreadedExecutor(context=node.context)
-    executor.add_node(node)
-    return executor
 
 
 _SPIN = 0.05  # [s]

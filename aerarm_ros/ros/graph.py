@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSCompatibility, ReliabilityPolicy, qos_check_compatible
+from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from aerarm_msgs_py.topics import Topic
@@ -116,43 +116,19 @@ class PublisherCheck:
         matched
             Number of matched publishers per subscription, in the order of the topics.
         """
-        found = [
-            text
-            for (name, topic), count in zip(self._topics, matched, strict=True)
-            if self._node.count_publishers(name) > count
-            for endpoint in self._node.get_publishers_info_by_topic(name)
-            if endpoint_name(endpoint)  # otherwise one of the next calls reports it
-            for text in _problems(name, topic, endpoint)
-        ]
-        news = [text for text in dict.fromkeys(found) if text not in self._reported]
-        self._reported.update(news)
+        news = []
+        for (name, topic), count in zip(self._topics, matched, strict=True):
+            if self._node.count_publishers(name) <= count:
+                continue
+            for endpoint in self._node.get_publishers_info_by_topic(name):
+                node, problem = endpoint_name(endpoint), endpoint_problem(endpoint, topic)
+                if not (node and problem):  # one of the next calls reports a node without name
+                    continue
+                text = f'{name} of {node} is not recorded: {problem}'
+                if text not in self._reported:
+                    self._reported.add(text)
+                    news.append(text)
         return news
-
-
-def _problems(name: str, topic: Topic, publisher: TopicEndpointInfo) -> Iterator[str]:
-    node = endpoint_name(publisher)
-    qos, wanted = publisher.qos_profile, topic.qos
-    if publisher.topic_type != topic.type_name:
-        yield (
-            f'{name} of {node} is not recorded, because its type is {publisher.topic_type} instead '
-            f'of {topic.type_name}: rename the topic of {node}'
-        )
-    elif (
-        wanted.reliability == ReliabilityPolicy.RELIABLE
-        and qos.reliability == ReliabilityPolicy.BEST_EFFORT
-    ):
-        yield (
-            f'{name} of {node} is not recorded, because it is best effort: change the publisher '
-            'to reliable'
-        )
-    elif (
-        wanted.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        and qos.durability == DurabilityPolicy.VOLATILE
-    ):
-        yield (
-            f'{name} of {node} is not recorded, because it is volatile: change the publisher to '
-            'transient local'
-        )
 
 
 _CYCLES = 100  # between two checks

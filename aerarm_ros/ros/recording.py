@@ -1,4 +1,4 @@
-"""Recording of topics in a bag, with the counts and causes of lost messages."""
+"""Recording of topics in a bag, with the counts of lost messages."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ import math
 import os
 import sys
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from importlib import import_module
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -31,183 +29,79 @@ from aerarm_msgs_py.topics import (
     TOPICS,
     Topic,
 )
-from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.parameters.parameter_table import ParameterError
 from aerarm_ros.ros.states.state_stream import Answers
 
-LINK, DISK, PROCESSOR = 'link', 'disk', 'processor'
-"""Causes of lost messages: the network link, the recorder's disk, or its processor."""
-
-_STALL_NS = 50_000_000  # a pass of the recorder's loop normally takes some milliseconds
-_JOIN_NS = 1_000_000_000  # one log line reports gaps with the same cause that are closer
-_SAMPLE_NS = 100_000_000  # between two readings of the kernel's counter (0.2 ms each)
-_OVERFLOW_NS = 1_000_000_000  # time after an overflow in which the middleware empties the buffer
-_PASSES = 4096  # passes of the loop that are stored, at least 10 s
-_ADVICE = {
-    LINK: (
-        'the network between both hosts lost messages: record on the host that publishes, for '
-        'example with arm record through ground_link'
-    ),
-    DISK: ('the disk was too slow: record to a faster disk, or fewer topics (parameter topics)'),
-    PROCESSOR: (
-        'this computer was too busy: end other programs, record fewer topics (parameter topics), '
-        'or increase the queue length (parameter depth, {depth} now)'
-    ),
-}
+_JOIN_NS = 1_000_000_000  # one log line reports gaps that are closer
 
 
 @dataclass
 class Gap:
-    """Gap in the received messages, or several gaps with the same cause within one second.
+    """Gap in the received messages, or several gaps within one second.
 
     Attributes
     ----------
-    cause
-        `LINK`, `DISK` or `PROCESSOR`.
     begin_ns, end_ns
         Reception times of the last message before and the first message after the gap [ns since
         the epoch].
     counts
         Number of lost messages by topic.
-    is_overflow
-        Whether the kernel dropped datagrams because its receive buffer was full.
     """
 
-    cause: str
     begin_ns: int
     end_ns: int
     counts: dict[str, int]
-    is_overflow: bool = False
 
     def text(self, depth: int) -> str:
-        """Return a log line about the gap: lost messages, times, cause and advice."""
+        """Return a log line about the gap: lost messages, times and advice."""
         counts = ', '.join(f'{count} of {name}' for name, count in self.counts.items())
         times = [_time_of_day(time_ns) for time_ns in (self.begin_ns, self.end_ns)]
-        advice = receive_buffer_advice() if self.is_overflow else _ADVICE[self.cause]
         return (
-            f'losing messages: {counts}, from {times[0]} to {times[1]}, cause: {self.cause}: '
-            + advice.format(depth=depth)
+            f'losing messages: {counts}, from {times[0]} to {times[1]}: end other programs, record '
+            'fewer topics (parameter topics) or to a faster disk, or increase the queue length '
+            f'(parameter depth, {depth} now). Record topics of another host there, for example '
+            'with arm record through ground_link'
         )
 
 
 class LossWatch:
-    """Determine the causes of gaps in the received messages, and report each gap once.
-
-    A long pass of the recorder's loop causes a gap. In such a pass, either the disk took most of
-    the time, or other programs used the processor. Without a long pass, the network lost messages
-    of another host.
+    """Collector of gaps in the received messages, which reports each gap once.
 
     Parameters
     ----------
     depth
         Queue length of a topic in messages.
-    dropped
-        Returns the number of datagrams that the kernel has dropped because a receive buffer was
-        full; by default the number for this host.
-
-    Attributes
-    ----------
-    last
-        Newest reported gap, None before the first.
     """
 
-    def __init__(self, depth: int, dropped: Callable[[], int] | None = None) -> None:
+    def __init__(self, depth: int) -> None:
         self._depth = depth
-        self._dropped = dropped or dropped_datagrams
-        # Times [ns since the epoch] and numbers of dropped datagrams, the first at the start.
-        self._drops = deque([(0, self._dropped())], maxlen=_PASSES)
-        self._passes: deque[tuple[int, int, int]] = deque(maxlen=_PASSES)
         self._gaps: list[Gap] = []
-        self.last: Gap | None = None
 
-    def note_pass(self, begin_ns: int, end_ns: int, disk_ns: int) -> None:
-        """Store begin and end of a pass of the recorder's loop, and its time for the disk [ns]."""
-        self._passes.append((begin_ns, end_ns, disk_ns))
-        if abs(end_ns - self._drops[-1][0]) >= _SAMPLE_NS:
-            self._drops.append((end_ns, self._dropped()))
+    def note_gap(self, topic: str, count: int, begin_ns: int, end_ns: int) -> None:
+        """Store a gap of `count` messages between two received messages of a topic.
 
-    def note_gap(self, topic: str, count: int, begin_ns: int, end_ns: int, is_remote: bool) -> None:
-        """Store a gap between two received messages of a topic, and determine its cause.
-
-        Parameters
-        ----------
-        topic
-            Name of the topic.
-        count
-            Number of lost messages.
-        begin_ns, end_ns
-            Reception times of the two messages [ns since the epoch].
-        is_remote
-            Whether another host publishes the topic.
+        `begin_ns` and `end_ns` are the reception times of the two messages [ns since the epoch].
         """
-        cause, is_overflow = self._cause(count, begin_ns, end_ns, is_remote)
         for gap in self._gaps:
-            if gap.cause == cause and begin_ns - gap.end_ns < _JOIN_NS:
+            if begin_ns - gap.end_ns < _JOIN_NS:
                 gap.begin_ns, gap.end_ns = min(gap.begin_ns, begin_ns), max(gap.end_ns, end_ns)
                 gap.counts[topic] = gap.counts.get(topic, 0) + count
-                gap.is_overflow |= is_overflow
                 return
-        self._gaps.append(Gap(cause, begin_ns, end_ns, {topic: count}, is_overflow))
+        self._gaps.append(Gap(begin_ns, end_ns, {topic: count}))
 
     def news(self) -> list[str]:
         """Return one log line for each gap that no earlier call has reported."""
         gaps, self._gaps = self._gaps, []
-        if gaps:
-            self.last = gaps[-1]
         return [gap.text(self._depth) for gap in gaps]
-
-    def _cause(self, count: int, begin_ns: int, end_ns: int, is_remote: bool) -> tuple[str, bool]:
-        if is_remote:
-            self._drops.append((end_ns, self._dropped()))
-            if self._drops[-1][1] > self._dropped_until(begin_ns - _OVERFLOW_NS):
-                return PROCESSOR, True
-        recent = takewhile(lambda a_pass: a_pass[1] > begin_ns, reversed(self._passes))
-        overlapping = [(end - begin, disk) for begin, end, disk in recent if begin < end_ns]
-        longest, disk = max(overlapping, default=(0, 0))
-        # Number of messages that arrived during the longest pass, at the rate of the lost ones.
-        waiting = count * longest / max(end_ns - begin_ns, 1)
-        if is_remote and (longest < _STALL_NS or waiting < 0.5 * self._depth):
-            return LINK, False
-        return (DISK if longest > _STALL_NS and 2 * disk > longest else PROCESSOR), False
-
-    def _dropped_until(self, time_ns: int) -> int:
-        """Return how many datagrams were dropped until `time_ns` [ns since the epoch]."""
-        samples = (count for sampled_ns, count in reversed(self._drops) if sampled_ns <= time_ns)
-        return next(samples, self._drops[0][1])
 
 
 def _time_of_day(time_ns: int) -> str:
     return f'{datetime.fromtimestamp(1e-9 * time_ns):%H:%M:%S.%f}'[:-3]
 
 
-def dropped_datagrams() -> int:
-    """Return how many UDP datagrams the kernel has dropped because of full receive buffers."""
-    try:
-        lines = Path('/proc/net/snmp').read_text().splitlines()
-    except OSError:
-        return 0
-    names, numbers = (line.split() for line in lines if line.startswith('Udp:'))
-    return int(dict(zip(names, numbers, strict=True)).get('RcvbufErrors', '0'))
-
-
 _DATAGRAM = 1280  # bytes of kernel memory for a message of a few hundred bytes
 _DELAY = 0.25  # [s] by which a busy processor may delay the middleware's thread
 _BUFFERS = ('rmem_default', 'rmem_max')
-
-
-def receive_buffer_need(streams: int) -> int:
-    """Return the receive buffer of the kernel that `streams` topics at 1 kHz need [bytes]."""
-    return math.ceil(streams * 1000 * _DELAY * _DATAGRAM)
-
-
-def receive_buffer_advice(need: int = 0) -> str:
-    """Return advice with a command that enlarges the kernel's receive buffers to `need` [bytes]."""
-    need = max(need, 2 * _receive_buffer())
-    settings = ' '.join(f'net.core.{name}={need}' for name in _BUFFERS)
-    return (
-        f"the kernel's receive buffers were full: enlarge them with 'sudo sysctl -w {settings}', "
-        'and restart the recorder'
-    )
 
 
 def receive_buffer_problem(streams: int) -> str:
@@ -216,7 +110,7 @@ def receive_buffer_problem(streams: int) -> str:
     `streams` is the number of topics at 1 kHz. Only messages of other hosts need the buffers,
     because messages of this host use shared memory.
     """
-    need, have = receive_buffer_need(streams), _receive_buffer()
+    need, have = math.ceil(streams * 1000 * _DELAY * _DATAGRAM), _receive_buffer()
     if have >= need:
         return ''
     settings = ' '.join(f'net.core.{name}={need}' for name in _BUFFERS)
@@ -297,7 +191,6 @@ def _message_class(kind: str) -> Any:
 
 
 _STAMP_END = ENCAPSULATION_SIZE + 8
-_HOST = 4  # bytes of a DDS identifier: vendor and host
 _DISORDER = 1_000_000_000  # [ns] longest correction of a reception time
 
 
@@ -348,8 +241,6 @@ class BagFeed:
         self._is_stream = [
             topic.qos.reliability == ReliabilityPolicy.BEST_EFFORT for topic in topics
         ]
-        self._host: bytes | None = None
-        self._passed_ns, self._disk = time.time_ns(), 0.0
         self._states = Answers(needed=False)
         self._states_index = next(
             (index for index, topic in enumerate(topics) if topic.name == JOINT_STATES.name), -1
@@ -365,7 +256,6 @@ class BagFeed:
         The limit ensures that the call ends, even if messages arrive faster than it writes them.
         """
         take, write, lost = self._reader.take, self._writer.write, self._reader.lost
-        self._note_pass()
         for index in range(len(self.names)):
             for _ in range(limit):
                 message = take(index)
@@ -393,12 +283,6 @@ class BagFeed:
                     )
                 )
 
-    def _note_pass(self) -> None:
-        """Report begin, end and disk time of the last pass of the recorder's loop."""
-        now_ns, disk = time.time_ns(), self._writer.disk_time
-        self._losses.note_pass(self._passed_ns, now_ns, int(1e9 * (disk - self._disk)))
-        self._passed_ns, self._disk = now_ns, disk
-
     def _note_gap(self, index: int, missing: int, info: dict[str, Any]) -> None:
         """Report a gap if messages of the topic were lost before the present message."""
         news, self._lost[index] = missing - self._lost[index], missing
@@ -406,21 +290,7 @@ class BagFeed:
             return  # messages that seemed lost have arrived late
         end = info['received_timestamp'] or time.time_ns()
         begin = self._received[index] or end
-        name, is_remote = self.names[index], self._is_remote(info.get('publisher'))
-        self._losses.note_gap(name, news, min(begin, end), end, is_remote)
-
-    def _is_remote(self, publisher: bytes | None) -> bool:
-        """Return whether a publisher runs on another host, according to its DDS identifier."""
-        if publisher is None:
-            return False
-        if self._host is None:
-            own = self._node.get_fully_qualified_name()
-            ends = self._node.get_subscriptions_info_by_topic(self.names[0])
-            gids = [bytes(end.endpoint_gid) for end in ends if endpoint_name(end) == own]
-            if not gids:
-                return False
-            self._host = gids[0][:_HOST]
-        return publisher[:_HOST] != self._host
+        self._losses.note_gap(self.names[index], news, min(begin, end), end)
 
     def _in_order(self, index: int, received: int) -> int:
         """Return a message's reception time [ns], not before that of the topic's last message.

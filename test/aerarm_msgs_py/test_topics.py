@@ -1,12 +1,6 @@
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
+from rclpy.qos import HistoryPolicy, ReliabilityPolicy
 
 from aerarm_msgs_py import topics
-
-
-def test_streams_are_taken_best_effort_of_depth_one() -> None:
-    for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.JOINT_COMMAND):
-        assert topic.type_name == 'sensor_msgs/msg/JointState'
-        assert (topic.qos.depth, topic.qos.reliability) == (1, ReliabilityPolicy.BEST_EFFORT)
 
 
 def test_publishers_of_the_suite_match_every_subscription() -> None:
@@ -18,11 +12,6 @@ def test_publishers_of_the_suite_match_every_subscription() -> None:
             topic.qos.depth,
             topic.qos.durability,
         )
-
-
-def test_the_mode_is_latched() -> None:
-    assert topics.ARM_MODE.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert topics.ARM_MODE.qos.reliability == ReliabilityPolicy.RELIABLE
 
 
 def test_names_are_relative_so_that_a_namespace_moves_the_arm() -> None:

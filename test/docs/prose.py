@@ -5,13 +5,12 @@ three words or more: help texts, parameter descriptions, errors, log lines and p
 
 `python test/docs/prose.py [FILE ...]` prints the findings; `--record` writes their number per file
 into prose_exceptions.txt. A file may have neither more findings than listed there nor fewer, so
-that the list only shrinks. `--sample SEED` prints 40 sentences for a reader to judge.
+that the list only shrinks.
 """
 
 from __future__ import annotations
 
 import ast
-import random
 import re
 import sys
 from collections.abc import Iterator
@@ -56,7 +55,6 @@ LINK = re.compile(r'!?\[([^\]]*)\]\([^)]*\)')
 FENCE = re.compile(r'^( *)(```|~~~).*?^\1?\2', re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r'\n\s*\n|\n\s*(?=[-*|>] ?|#+ |\d+\. )|\|')
 # In a message a colon or semicolon ends a statement.
-STOP = re.compile(r'(?<=[.!?])\s+')
 END = re.compile(r'(?<=[.!?])\s+|(?<=[:;])\s+')
 WORD = re.compile(r"[^\W\d_][\w'-]*")
 
@@ -151,30 +149,8 @@ def exceptions() -> dict[str, int]:
     return {name: int(count) for name, count in rows}
 
 
-def sample(seed: int, count: int = 40) -> Iterator[str]:
-    """Yield sentences drawn with equal probability from all texts, each with its paragraph.
-
-    A sentence has at least five words, and ends at a full stop or with its paragraph. Scripts are
-    left out, because most of their lines are statements.
-    """
-    sentences = []
-    for path in files():
-        if path.suffix == '.js':
-            continue
-        for block in READERS[path.suffix](path.read_text()):
-            text = ' '.join(block.split())
-            drawn = [part for part in STOP.split(text) if len(WORD.findall(part)) >= 5]
-            sentences += [(path.relative_to(ROOT), part, text) for part in drawn]
-    for path, sentence, text in random.Random(seed).sample(sentences, count):
-        yield f'{sentence}\n    {path}' + (f': {text}' if text != sentence else '')
-
-
 def main() -> None:
-    """Print the findings or a sample, or record the number of findings."""
-    if sys.argv[1:2] == ['--sample']:
-        for number, drawn in enumerate(sample(int(sys.argv[2])), 1):
-            print(f'{number}. {drawn}\n')
-        return
+    """Print the findings, or record the number of findings."""
     if sys.argv[1:] == ['--record']:
         EXCEPTIONS.write_text(''.join(f'{name} {count}\n' for name, count in counts().items()))
         return

@@ -9,6 +9,7 @@ from types import ModuleType
 
 import pytest
 import yaml
+from source_files import imported_modules, python_files
 
 from aerarm_ros.executables import command_modules, controllers
 
@@ -93,27 +94,18 @@ def used(path: Path) -> set[str]:
     }
 
 
-@pytest.mark.parametrize('path', [*LAUNCH_FILES, PARTS], ids=lambda path: path.name)
-def test_every_executable_is_installed(path: Path) -> None:
-    assert started(path) <= set(command_modules())
-
-
-@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
-def test_every_configuration_is_declared(path: Path) -> None:
-    arguments = declared(path) | declared(ROOT / 'launch' / 'bringup.launch.py') | declared(PARTS)
-    assert used(path) <= arguments
+def test_every_executable_is_installed_and_every_configuration_declared() -> None:
+    for path in [*LAUNCH_FILES, PARTS]:
+        assert started(path) <= set(command_modules()), path
+    shared = declared(ROOT / 'launch' / 'bringup.launch.py') | declared(PARTS)
+    for path in LAUNCH_FILES:
+        assert used(path) <= declared(path) | shared, path
 
 
 def test_shared_arguments_are_described() -> None:
     assert {'controller', 'base_motion', 'enable', 'excitation_config'} <= declared(PARTS)
     for name in declared(PARTS):
         assert f'`{name}`' in DRIVE_IT.read_text()
-
-
-@pytest.mark.parametrize('path', [*LAUNCH_FILES, PARTS], ids=lambda path: path.name)
-def test_every_argument_has_a_description(path: Path) -> None:
-    for call in calls(path, 'DeclareLaunchArgument'):
-        assert 'description' in keywords(call), ast.unparse(call)
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
@@ -175,10 +167,7 @@ def test_nodes_get_the_files_of_the_arm_and_only_parameters_that_they_have(
 def test_only_launch_files_need_ros_launch() -> None:
     importers = {
         path
-        for folder in ('aerarm_ros', 'aerarm_msgs_py', 'launch')
-        for path in (ROOT / folder).rglob('*.py')
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.ImportFrom)
-        and str(node.module).split('.')[-1] in ('launch', 'launch_parts')
+        for path in python_files('aerarm_ros', 'aerarm_msgs_py', 'launch')
+        if {name.split('.')[-1] for name in imported_modules(path)} & {'launch', 'launch_parts'}
     }
     assert importers == {*LAUNCH_FILES, PARTS}

@@ -37,23 +37,16 @@ def test_packaged_requirements_are_met() -> None:
 @pytest.mark.parametrize('name', FILES)
 def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
     path = tmp_path / 'given'
-    assert missing({**GIVEN, name: str(path)}) == [
-        (f'the file {path} (argument {name}) does not exist: check the path')
-    ]
+    absent = [f'the file {path} (argument {name}) does not exist: check the path']
+    assert missing({**GIVEN, name: str(path)}) == absent
     path.mkdir()
-    assert missing({**GIVEN, name: str(path)}) == [
-        f'the file {path} (argument {name}) does not exist: check the path'
-    ]
+    assert missing({**GIVEN, name: str(path)}) == absent
     path.rmdir()
     path.touch()
     assert missing({**GIVEN, name: str(path)}) == []
     path.chmod(0)
-    readable = os.access(path, os.R_OK)  # it is for root
-    assert missing({**GIVEN, name: str(path)}) == (
-        []
-        if readable
-        else [f'the file {path} (argument {name}) is not readable: check its permissions']
-    )
+    if not os.access(path, os.R_OK):  # it is for root
+        assert 'is not readable' in missing({**GIVEN, name: str(path)})[0]
 
 
 @pytest.mark.parametrize(

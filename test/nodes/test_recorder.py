@@ -108,23 +108,32 @@ def source(ros_node: Node) -> Source:
 
 
 def test_records_four_topics_at_1_khz_without_a_loss_and_publishes_its_status(
-    start, source, tmp_path
+    start, source, ros_node, tmp_path
 ) -> None:
     source.mode.publish(String(data='idle'))  # before anybody listens
+    # Several publishers of one topic, each of which has published another number of messages.
+    topic = names.DIAGNOSTICS
+    others = [ros_node.create_publisher(topic.type, topic.name, topic.qos) for _ in range(4)]
+    for index, publisher in enumerate(others):
+        for _ in range(40 * index):
+            publisher.publish(DiagnosticArray())
     recorder = start()
     source.wait_until_matched(6)
     source.wait_for(lambda status: status['state'] == 'recording')
     values = source.stream(1000)
-    source.diagnostics.publish(DiagnosticArray())
-    assert source.diagnostics.wait_for_all_acked()
+    for turn in range(8):
+        for publisher in others[turn % 2 :]:
+            publisher.publish(DiagnosticArray())
+    assert all(publisher.wait_for_all_acked() for publisher in others)
     time.sleep(0.2)
     assert recorder.stop(signal.SIGINT) == 0, recorder.tail()
     found = topics(tmp_path / 'bag')
     for topic in ('/joint_states', '/motor_states', '/joint_command', '/motor_power'):
         assert (found[topic].messages, found[topic].lost) == (1000, 0)
     assert found['/arm_mode'].messages == 2
-    diagnostics = found['/diagnostics'].messages
-    assert diagnostics >= 2  # the source's one, and its own
+    diagnostics, lost = found['/diagnostics'].messages, found['/diagnostics'].lost
+    assert diagnostics >= 8 * 4 - 4 + 1  # and its own
+    assert lost == 0
     series = read_joint_states(tmp_path / 'bag')
     np.testing.assert_array_equal(series.effort, values[:, 2])
     assert (np.diff(series.log_time) >= 0).all()
@@ -173,25 +182,19 @@ def test_only_requested_topics_of_its_namespace_are_recorded(start, ros_node, tm
     assert len(read_joint_states(tmp_path / 'bag', '/left/joint_states')) == 20
 
 
-@pytest.mark.parametrize(
-    ('parameters', 'said'),
-    [
-        (
-            {'topics': ['joint_stats']},
-            ("topic 'joint_stats' in parameter topics is unknown: choose from joint_states, "),
-        ),
-        ({'compression': 'zip'}, "must be a string, one of none, lz4, zstd, not 'zip'"),
-        ({'bag': '/proc/bag'}, '/proc/bag cannot be created'),
-    ],
-)
-def test_a_bad_parameter_is_one_line_and_nothing_starts(start, tmp_path, parameters, said) -> None:
-    recorder = start(**parameters)
-    assert recorder.wait(PATIENCE) == 1
-    log = recorder.tail()
-    assert log.startswith('recorder: ')
-    assert said in log
-    assert log.count('\n') == 0
-    assert not (tmp_path / 'bag').exists()
+def test_a_bag_that_cannot_be_created_is_one_line(start, tmp_path) -> None:
+    (tmp_path / 'bag').mkdir()
+    for bag, said in (
+        ('/proc/bag', '/proc/bag cannot be created'),
+        (tmp_path / 'bag', 'already exists: choose another directory'),
+    ):
+        recorder = start(bag=bag)
+        assert recorder.wait(PATIENCE) == 1
+        log = recorder.tail()
+        assert log.startswith('recorder: ')
+        assert said in log
+        assert log.count('\n') == 0
+    assert not any((tmp_path / 'bag').iterdir())
 
 
 def test_a_disk_that_is_full_ends_it_with_one_line_and_a_readable_bag(
@@ -220,19 +223,6 @@ def test_a_disk_that_is_full_ends_it_with_one_line_and_a_readable_bag(
         assert topics(bag)['/joint_states'].messages > 10
 
 
-def test_names_publishers_that_cannot_be_recorded(start, ros_node, tmp_path) -> None:
-    ros_node.create_publisher(String, 'joint_states', 10)
-    ros_node.create_publisher(String, 'arm_mode', names.NEWEST)
-    recorder = start()
-    wait_for_text(
-        recorder, '/joint_states of /test is not recorded, because its type is std_msgs/msg/String'
-    )
-    wait_for_text(recorder, '/arm_mode of /test is not recorded, because it is best effort')
-    assert recorder.stop() == 0
-    assert recorder.tail(30).count('/joint_states of /test') == 1
-    assert 'no messages received: check that a bridge runs in this ROS domain' in recorder.tail(30)
-
-
 def wait_until(condition: Callable[[], bool]) -> None:
     deadline = time.monotonic() + PATIENCE
     while not condition():
@@ -242,14 +232,6 @@ def wait_until(condition: Callable[[], bool]) -> None:
 
 def wait_for_text(process: NodeProcess, text: str) -> None:
     wait_until(lambda: text in process.tail(50))
-
-
-def test_an_existing_bag_is_not_touched(start, tmp_path) -> None:
-    (tmp_path / 'bag').mkdir()
-    recorder = start()
-    assert recorder.wait(PATIENCE) == 1
-    assert 'already exists: choose another directory' in recorder.tail()
-    assert not any((tmp_path / 'bag').iterdir())
 
 
 def diagnostics_of_the_recorder(node: Node) -> list[DiagnosticStatus]:
@@ -282,46 +264,19 @@ def test_diagnostics_contain_written_and_lost_messages(start, source, ros_node) 
     assert spin_until(ros_node, lambda: lost in found[-1].message, PATIENCE)
     assert found[-1].level == DiagnosticStatus.WARN
     assert int(values(found[-1])['messages lost'].removeprefix('at least ')) > 0
-    # The console says so while it happens: at most once a second, and what to do.
-    begun = time.monotonic()
-    warnings = recorder.tail(100).count('losing messages: ')
-    assert warnings >= 1
-    while time.monotonic() - begun < 2.5:
-        for _ in range(300):
-            source.streams[0].publish(payload)
-    assert ' of /joint_states, from ' in recorder.tail(100)
-    assert 'cause: processor: this computer was too busy' in recorder.tail(100)
-    wait_until(lambda: recorder.tail(100).count('losing messages: ') > warnings)
-    warnings = recorder.tail(100).count('losing messages: ') - warnings
-    assert 1 <= warnings <= time.monotonic() - begun + 1
+    # The console says so while it happens, and what to do.
+    wait_for_text(recorder, ' of /joint_states, from ')
     assert 'parameter depth, 10 now' in recorder.tail(100)
     assert recorder.stop() == 0
     (line,) = [x for x in recorder.tail(100).splitlines() if '/joint_states: ' in x]
     assert '[WARN]' in line
 
 
-def test_messages_of_several_publishers_are_all_recorded(start, source, ros_node, tmp_path) -> None:
-    topic = names.DIAGNOSTICS
-    others = [ros_node.create_publisher(topic.type, topic.name, topic.qos) for _ in range(4)]
-    # They have published before, each another number of messages.
-    for index, publisher in enumerate(others):
-        for _ in range(40 * index):
-            publisher.publish(DiagnosticArray())
-    recorder = start()
-    source.wait_until_matched(6)
-    for turn in range(8):
-        for publisher in others[turn % 2 :]:
-            publisher.publish(DiagnosticArray())
-    assert all(publisher.wait_for_all_acked() for publisher in others)
-    time.sleep(0.2)
-    assert recorder.stop() == 0
-    found = topics(tmp_path / 'bag')['/diagnostics']
-    assert found.messages >= 8 * 4 - 4
-    assert found.lost == 0
-    assert f'/diagnostics: {found.messages} messages, 0 lost' in recorder.tail(30)
-
-
-def test_silent_streams_and_a_second_bridge_are_named(start, source, ros_node) -> None:
+def test_silent_streams_a_second_bridge_and_unrecordable_publishers_are_named(
+    start, source, ros_node
+) -> None:
+    ros_node.create_publisher(String, 'imu', 10)
+    ros_node.create_publisher(String, 'plan_status', names.NEWEST)
     found = diagnostics_of_the_recorder(ros_node)
     recorder = start()
     source.wait_until_matched(6)
@@ -337,7 +292,10 @@ def test_silent_streams_and_a_second_bridge_are_named(start, source, ros_node) -
     other.create_publisher(topic.type, topic.name, topic.qos)
     wait_for_text(recorder, '/joint_states has 2 publishers, /other_bridge and /test: stop all')
     other.destroy_node()
+    wait_for_text(recorder, '/imu of /test is not recorded: its type is std_msgs/msg/String')
+    wait_for_text(recorder, '/plan_status of /test is not recorded: its quality of service is')
     assert recorder.stop() == 0
+    assert recorder.tail(30).count('/imu of /test') == 1
     assert '/motor_states: 0 messages, because the publisher sent none' in recorder.tail(30)
     assert '/joint_states: 0 messages' not in recorder.tail(30)
 

@@ -14,7 +14,7 @@ from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.storage.read_limits import BagError
 
 OTHERS = ('/motor_states', '/arm_mode', '/diagnostics', '/nothing')
-COUNT = 3000
+COUNT = 2100
 
 
 def diagnostics(missed: int) -> bytes:

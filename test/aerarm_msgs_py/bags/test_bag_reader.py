@@ -78,15 +78,15 @@ def test_counts_messages_and_losses(write_bag, recording) -> None:
 
 
 @pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])
-@pytest.mark.parametrize('share', [0.3, 0.6, 0.95])
-def test_a_cut_file_is_read_to_its_end(write_bag, recording, compression, share) -> None:
+def test_a_cut_file_is_read_to_its_end(write_bag, recording, compression) -> None:
     file = write_bag(recording.messages(5000), compression=compression) / 'bag_0.mcap'
     content = file.read_bytes()
-    file.write_bytes(content[: int(share * len(content))])
-    with pytest.warns(BagWarning, match='is cut off'):
-        series = read_joint_states(file)
-    assert len(series) > 1000 * share
-    np.testing.assert_array_equal(series.effort, recording.numbers(5000)[: len(series), 2])
+    for share in (0.3, 0.6, 0.95):
+        file.write_bytes(content[: int(share * len(content))])
+        with pytest.warns(BagWarning, match='is cut off'):
+            series = read_joint_states(file)
+        assert len(series) > 1000 * share
+        np.testing.assert_array_equal(series.effort, recording.numbers(5000)[: len(series), 2])
 
 
 def test_a_damaged_chunk_is_left_out_with_a_warning(write_bag, recording) -> None:
@@ -101,12 +101,6 @@ def test_a_damaged_chunk_is_left_out_with_a_warning(write_bag, recording) -> Non
     np.testing.assert_array_equal(series.effort, numbers[series.sequence - 1, 2])
 
 
-def test_complete_bags_are_read_without_a_warning(write_bag) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter('error')
-        topics(write_bag())
-
-
 def test_a_bag_may_have_several_files(write_bag, recording) -> None:
     whole = write_bag(recording.messages(50), 'whole')
     for k in (1, 2, 10):
@@ -118,7 +112,9 @@ def test_a_bag_may_have_several_files(write_bag, recording) -> None:
 
 def test_metadata_is_not_needed(write_bag) -> None:
     directory = write_bag()
-    expected = read_joint_states(directory).stamp
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        expected = read_joint_states(directory).stamp
     (directory / 'metadata.yaml').write_text('rosbag2_bagfile_information: [broken')
     np.testing.assert_array_equal(read_joint_states(directory).stamp, expected)
     (directory / 'metadata.yaml').unlink()
@@ -132,24 +128,14 @@ def test_a_wrong_path_raises_an_error_with_the_reason(tmp_path: Path, write_bag)
     with pytest.raises(BagError, match='is not a bag'):
         read_joint_states(tmp_path)
     text = tmp_path / 'notes.mcap'
-    text.write_text('not a bag')
-    with pytest.raises(BagError, match='is not an MCAP file'):
-        read_joint_states(text)
     text.write_text('notes')
     with pytest.raises(BagError, match='is not an MCAP file'):
         read_joint_states(text)
-    (tmp_path / 'notes.mcap').write_bytes(b'')
+    text.write_bytes(b'')
     with pytest.raises(BagError, match='is empty: record or copy'):
         read_joint_states(text)
     with pytest.raises(BagError, match="pass the bag's directory"):
         read_joint_states(write_bag() / 'metadata.yaml')
-
-
-def test_the_error_names_missing_files(write_bag) -> None:
-    directory = write_bag()
-    (directory / 'bag_0.mcap').unlink()
-    with pytest.raises(BagError, match=r'lacks the files bag_0.mcap, which metadata.yaml lists'):
-        read_joint_states(directory)
 
 
 def test_repeated_joint_names_raise_an_error(write_bag) -> None:

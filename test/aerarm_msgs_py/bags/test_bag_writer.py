@@ -78,12 +78,6 @@ def test_messages_are_put_in_order_of_reception(tmp_path: Path) -> None:
         assert [message.log_time for _, _, message in found] == sorted(log_times)
 
 
-def test_a_bag_without_messages_is_complete(write_bag) -> None:
-    with Reader(write_bag([])) as reader:
-        assert reader.message_count == 0
-        assert len(reader.connections) == 3
-
-
 def test_an_unknown_type_is_recorded_without_a_definition(tmp_path: Path) -> None:
     topics = [RecordedTopic('/own', 'own_msgs/msg/Own')]
     with BagWriter(tmp_path / 'bag', topics) as writer:
@@ -156,9 +150,3 @@ def test_a_failed_write_raises_an_error(tmp_path: Path, recording) -> None:
     writer.write(RecordedMessage(len(recording.topics), b'', 1, 1, 1))  # of no topic of the bag
     with pytest.raises(BagError, match='cannot be written'):
         writer.close()
-
-
-def test_closing_twice_is_harmless(tmp_path: Path, recording) -> None:
-    writer = BagWriter(tmp_path / 'bag', recording.topics)
-    writer.close()
-    writer.close()

@@ -11,16 +11,16 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from aerarm_msgs_py.live_topics import ExecutorSource, IdentifiedTake, RawReader, WaitSetSource
+from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import Topic
 
 DEEP = Topic('words', String, QoSProfile(depth=100))
 OTHER = Topic('others', String, QoSProfile(depth=100))
 
 
-@pytest.fixture(params=[WaitSetSource, ExecutorSource])
-def reader(request: pytest.FixtureRequest, ros_node: Node):
-    reader = RawReader(ros_node, DEEP, OTHER, source=request.param)
+@pytest.fixture
+def reader(ros_node: Node):
+    reader = RawReader(ros_node, DEEP, OTHER)
     yield reader
     reader.destroy()
 
@@ -43,10 +43,6 @@ def take_text(reader: RawReader, index: int = 0) -> str:
     wait_until(lambda: reader.wait(1.0))
     payload, _ = reader.take(index)
     return deserialize_message(payload, String).data
-
-
-def test_this_rclpy_has_the_fast_way() -> None:
-    assert WaitSetSource.available()
 
 
 def test_takes_messages_one_by_one_in_order(reader: RawReader, publisher) -> None:
@@ -108,11 +104,6 @@ def test_an_executor_on_the_node_takes_nothing(reader: RawReader, publisher, ros
     executor.shutdown()
 
 
-def test_needs_a_topic(ros_node: Node) -> None:
-    with pytest.raises(ValueError, match='at least one topic'):
-        RawReader(ros_node)
-
-
 def test_a_wait_ends_when_the_context_does(ros_domain) -> None:
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
@@ -120,10 +111,6 @@ def test_a_wait_ends_when_the_context_does(ros_domain) -> None:
     reader = RawReader(node, DEEP)
     rclpy.shutdown(context=context)
     assert not reader.wait(0.01)
-
-
-def test_this_ros_names_publishers() -> None:
-    assert IdentifiedTake.available()
 
 
 def test_each_publishers_losses_are_counted(ros_node: Node) -> None:

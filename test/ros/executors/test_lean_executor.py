@@ -37,10 +37,6 @@ def spin_until(executor: LeanExecutor, condition: Callable[[], bool]) -> None:
         executor.spin_once(timeout_sec=0.05)
 
 
-def test_rclpy_has_the_required_functions() -> None:
-    assert LeanExecutor.available()
-
-
 def test_every_kind_of_callback_runs_and_is_announced(
     ros_node: Node, executor: LeanExecutor, pauses: list[int]
 ) -> None:

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from forked_executable import run
 
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
@@ -97,13 +96,3 @@ def test_a_probable_slip_that_may_be_meant_for_another_node_is_a_warning(
 ) -> None:
     (warning,) = check_file(tmp_path, text)
     assert said in warning
-
-
-def test_a_mistyped_parameter_moves_nothing(ros_domain: dict[str, str], tmp_path: Path) -> None:
-    done = run('excitation', parameters={'save': tmp_path / 'drawn.yaml', 'perods': 3})
-    assert done.returncode == 2
-    assert done.stderr == (
-        "excitation: unknown parameter 'perods' in -p, did you mean 'periods'? "
-        '(excitation --help lists all parameters)\n'
-    )
-    assert not list(tmp_path.iterdir())

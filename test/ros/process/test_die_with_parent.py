@@ -8,8 +8,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
-
 # Starts a bridge as launch does, says who it is, and lives on. With a word, it starts it by way
 # of another process, and with `late` that one first waits until launch is gone.
 LAUNCH = """
@@ -58,15 +56,12 @@ def start(how: str, what: str) -> tuple[subprocess.Popen, int]:
     return launch, int(launch.stdout.readline())
 
 
-@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGQUIT])
-def test_a_bridge_ends_with_launch(
-    number: signal.Signals, tmp_path: Path, ros_domain: dict[str, str]
-) -> None:
+def test_a_bridge_ends_with_launch(tmp_path: Path, ros_domain: dict[str, str]) -> None:
     truth = tmp_path / 'truth.yaml'  # is written when the bridge is at work
     launch, bridge = start('itself', BRIDGE.format(truth))
     until(truth.exists)
-    launch.send_signal(number)
-    assert launch.wait(60.0) == -number  # it may write a core file
+    launch.kill()
+    launch.wait(60.0)
     until(lambda: is_gone(bridge))
     assert launch.stdout
     assert 'fake_hardware: ' in launch.stdout.read()  # its account: an orderly end

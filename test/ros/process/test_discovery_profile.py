@@ -214,17 +214,7 @@ def test_by_default_a_node_receives_only_on_the_loopback_interface(
     assert len(known) >= 2
     assert {x.address for x in known} == {'127.0.0.1'}
     assert not any(unread_after(running_node.pid, known, 10.0).values())
-
-
-@pytest.mark.parametrize('running_node', ['SUBNET'], indirect=True)
-def test_a_node_open_to_the_subnet_receives_on_every_interface(running_node: NodeProcess) -> None:
-    assert hears_elsewhere(running_node.pid, 10.0)
-
-
-@pytest.mark.parametrize('running_node', ['LOCALHOST'], indirect=True)
-def test_a_node_without_the_profile_is_found(
-    running_node: NodeProcess, ros_domain: dict[str, str]
-) -> None:
+    # A node without the profile is found.
     run = subprocess.run(
         [sys.executable, '-c', PLAIN_NODE],
         env={**os.environ, PROFILES_FILE: ''},
@@ -235,3 +225,8 @@ def test_a_node_without_the_profile_is_found(
     )
     assert 'idle' in run.stdout
     assert 'True' in run.stdout
+
+
+@pytest.mark.parametrize('running_node', ['SUBNET'], indirect=True)
+def test_a_node_open_to_the_subnet_receives_on_every_interface(running_node: NodeProcess) -> None:
+    assert hears_elsewhere(running_node.pid, 10.0)
