@@ -173,11 +173,6 @@ def test_the_stated_recovery_steps_clear_the_fault(
     assert rig.bridge.mode == 'running', (steps, rig.bridge.faults)
 
 
-def test_after_clear_fault_an_intact_arm_is_held_in_place(rig) -> None:
-    stopped_by_hand(rig)
-    assert rig.bridge.recovery_hint(False) == rig.bridge.recovery_hint(True) == "'arm clear_fault'"
-
-
 def test_the_recovery_hint_names_switches_and_homing_only_where_they_are_needed() -> None:
     faulty = [(1, 'board1')]
     assert 'switch the supply of board1' in recovery_hint(False, faulty)

@@ -410,7 +410,7 @@ class SupplyWatch:
             return (
                 f'the supply of {self._name} has {self.voltage:.1f} V, below its limit of '
                 f'{self._stage.voltage_min:g} V: support the arm, charge the battery or check '
-                'the leads; check profile_scales if the voltage is wrong'
+                'the leads; check the scale in the board profile if the voltage is wrong'
             )
         return ''
 

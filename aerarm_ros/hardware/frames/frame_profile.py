@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -230,25 +230,6 @@ class FrameProfile:
         name, advice = self.errors.get(code, ('unknown', 'see the list of errors of the firmware'))
         text = f'error {code} ({name}): {advice}'
         return f'{text}; then power-cycle it' if self.errors_until_power_cycle else text
-
-    def with_lsb(self, name: str, lsb: float) -> 'FrameProfile':
-        """Return a copy of this profile with another value per count (`lsb`) of a quantity.
-
-        Raises ProfileError if the profile does not contain the quantity.
-        """
-        if not (self.command.has(name) or self.sensor.has(name)):
-            raise ProfileError(f'profile {self.name} has no field {name!r}: check the name')
-
-        def rescaled(layout: FrameLayout) -> FrameLayout:
-            return replace(
-                layout,
-                fields=tuple(
-                    replace(entry, lsb=lsb) if entry.name == name else entry
-                    for entry in layout.fields
-                ),
-            )
-
-        return replace(self, command=rescaled(self.command), sensor=rescaled(self.sensor))
 
 
 def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:

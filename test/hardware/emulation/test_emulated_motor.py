@@ -117,9 +117,3 @@ def test_reported_voltage_gives_joule_loss_plus_mechanical_power(motor):
     joule, mechanical = 1.5 * 0.15 * current**2, MOTOR.torque_constant * current * speed
     assert power == pytest.approx(joule + mechanical)
     assert motor.power == pytest.approx(power)
-
-
-@pytest.mark.parametrize('name', ['forward', 'reverse', 'hold', 'current'])
-def test_timing_must_be_positive(name):
-    with pytest.raises(ValueError, match='above 0'):
-        AlignmentTiming(**{name: 0.0})
