@@ -11,7 +11,7 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.emulation.fault_injection import inject
+from aerarm_ros.hardware.emulation.fault_injection import FaultRequest
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
@@ -118,7 +118,7 @@ class Rig:
                 motor.ready = True
 
     def inject(self, fault: str, board: int = 0, motor: int = 0, value: float | None = None):
-        inject(self.boards, fault, board, motor, value)
+        FaultRequest(fault, board, motor, value).apply(self.boards)
 
     @property
     def speed(self) -> float:
