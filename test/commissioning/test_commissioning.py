@@ -107,12 +107,11 @@ def test_the_motor_is_off_when_the_client_falls_silent():
 @pytest.mark.parametrize('stop', ['disable', 'e_stop', 'off'])
 def test_a_stop_switches_the_motor_off(stop):
     arm = aligned(CommissionedArm(None))
-    if stop == 'disable':
-        arm.bridge.disable()
-    elif stop == 'e_stop':
-        arm.bridge.e_stop('a test')
-    else:
-        arm.ask(ProbeRequest('me:2', 'off'))
+    {
+        'disable': arm.bridge.disable,
+        'e_stop': lambda: arm.bridge.e_stop('a test'),
+        'off': lambda: arm.ask(ProbeRequest('me:2', 'off')),
+    }[stop]()
     arm.pass_time(0.02)
     assert arm.bridge.mode == ('fault' if stop == 'e_stop' else 'unhomed')
     assert not any(board.system_enabled for board in arm.boards.boards)
@@ -132,6 +131,14 @@ def test_a_motor_that_runs_away_is_switched_off():
     assert fastest < 1.0
 
 
+def test_an_enabled_arm_and_an_unknown_joint_are_not_commissioned():
+    arm = CommissionedArm(None)
+    arm.pass_time(0.02)
+    assert drive(arm, 'joint9', 'me:2').phase == 'failed'
+    assert arm.bridge.home().accepted  # the mode is still that of the last cycle
+    assert 'disable the arm first' in drive(arm).reason
+
+
 def test_other_clients_cannot_drive_a_motor_during_the_procedure():
     arm = aligned(CommissionedArm(None))
     for answer in (arm.bridge.enable(), arm.bridge.home()):
@@ -141,16 +148,6 @@ def test_other_clients_cannot_drive_a_motor_during_the_procedure():
     assert other.phase == 'failed'
     assert 'by another client' in other.reason
     assert drive(arm).phase == 'driving'
-
-
-def test_an_enabled_arm_is_not_commissioned():
-    arm = CommissionedArm(None)
-    arm.pass_time(0.02)
-    assert arm.bridge.home().accepted  # the mode is still that of the last cycle
-    report = drive(arm)
-    assert report.phase == 'failed'
-    assert 'disable the arm first' in report.reason
-    assert drive(arm, 'joint9', 'me:2').phase == 'failed'
 
 
 def seen(guided: Commissioning, **changes) -> ProbeReport:
@@ -216,10 +213,9 @@ def test_messages_are_read_as_they_were_sent():
     report = arm.ask(request)
     assert ProbeReport.parse(report.text()) == report
     fields = json.loads(report.text())
-    for key in ('travel', 'joints'):
-        with pytest.raises(ValueError, match='not a commissioning report'):
-            ProbeReport.parse(json.dumps({**fields, key: 'x'}))
     for key, value in (
+        ('travel', 'x'),
+        ('joints', 'x'),
         ('current_max', 10**400),
         ('travel', [10**400] * 4),
         ('pulse_angle', ['x'] * 4),

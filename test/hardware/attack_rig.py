@@ -34,7 +34,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.emulation.fault_injection import inject
+from aerarm_ros.hardware.emulation.fault_injection import FaultRequest
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.simulation.arm_plant import PlantParameters
@@ -249,4 +249,4 @@ class AttackRig:
         self, fault: str, board: int = 0, motor: int = 0, value: float | None = None
     ) -> None:
         """Inject a fault into a board or motor."""
-        inject(self.boards, fault, board, motor, value)
+        FaultRequest(fault, board, motor, value).apply(self.boards)

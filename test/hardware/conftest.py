@@ -1,6 +1,7 @@
 """A bridge on emulated boards, with time controlled by the test."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.emulation.fault_injection import inject
+from aerarm_ros.hardware.emulation.fault_injection import FaultRequest
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 
@@ -116,7 +118,7 @@ class Rig:
                 motor.ready = True
 
     def inject(self, fault: str, board: int = 0, motor: int = 0, value: float | None = None):
-        inject(self.boards, fault, board, motor, value)
+        FaultRequest(fault, board, motor, value).apply(self.boards)
 
     @property
     def speed(self) -> float:
@@ -146,3 +148,15 @@ def make_rig(config: ArmConfig, robot: Robot) -> Callable[..., Rig]:
 def rig(make_rig: Callable[..., Rig]) -> Rig:
     """An arm as drawn, ready at its home configuration."""
     return make_rig().bring_up()
+
+
+@pytest.fixture
+def coarse_profile() -> Callable[[str, float], FrameProfile]:
+    """Return a function that returns the default profile with another scale of a command field."""
+
+    def make(name: str, lsb: float) -> FrameProfile:
+        profile = load_profile()
+        fields = [replace(f, lsb=lsb) if f.name == name else f for f in profile.command.fields]
+        return replace(profile, command=replace(profile.command, fields=tuple(fields)))
+
+    return make

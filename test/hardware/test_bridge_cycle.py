@@ -8,7 +8,6 @@ import pytest
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_modes import MODES
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.model.dynamics import Dynamics
 
 AMPLITUDE = np.array([0.4, 0.3, 0.5, 0.6])
@@ -338,8 +337,8 @@ def test_a_drive_that_could_not_damp_the_arm_is_refused(make_rig, config, change
         make_rig(config=weak(config, **changes))
 
 
-def test_limits_that_no_frame_can_represent_are_rejected_at_start(config, robot):
+def test_limits_that_no_frame_can_represent_are_rejected_at_start(config, robot, coarse_profile):
     # A saturation in steps of 40 A is 0 for these motors, which some boards take for none.
-    profile = load_profile().with_lsb('current_saturation', 40.0)
+    profile = coarse_profile('current_saturation', 40.0)
     with pytest.raises(ValueError, match='limits cannot be sent to board0: current_saturation'):
         BridgeCycle(config, make_emulated_transport(config, robot), profile=profile)

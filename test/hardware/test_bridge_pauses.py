@@ -6,7 +6,6 @@ from attack_rig import AttackRig, Offer
 from attack_world import ANSWER, EXCHANGE, READ, WAKE
 from held_up_host import MOTIONS, POINTS, run
 
-from aerarm_ros.hardware.emulation.fault_injection import inject
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 
 TIME_OUT = BridgeSettings().board_timeout
@@ -110,7 +109,7 @@ def test_a_real_jump_is_found_at_once_on_a_quiet_host_and_after_a_pause(
 ):
     rig = AttackRig(config, robot, seed=3, delays=once(60, READ, pause)).bring_up()
     rig.run(0.08, spin)  # the pause is over
-    inject(rig.boards, fault, 1, 0, value)
+    rig.inject(fault, 1, 0, value)
     before = rig.cycles
     while not rig.bridge.gate.stop and rig.cycles < before + 20:
         rig.cycle(spin)
@@ -123,7 +122,7 @@ def test_an_encoder_that_stands_still_is_found_as_soon_as_without_pauses(config,
     for delays in (None, lambda cycle, point: 2e-3 * (cycle % 7 == 0 and point == READ)):
         rig = AttackRig(config, robot, seed=3, delays=delays).bring_up()
         rig.run(0.1, spin)
-        inject(rig.boards, 'stuck_encoder', 1, 0)
+        rig.inject('stuck_encoder', 1, 0)
         start = rig.now
         while not rig.bridge.gate.stop and rig.now < start + 0.5:
             rig.cycle(spin)

@@ -3,6 +3,7 @@
 import itertools
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -59,6 +60,22 @@ def test_publishes_states_of_all_joints_and_motors_on_a_grid_of_a_millisecond(
     assert cycles > 0
 
 
+def logged_modes(bridge: NodeProcess) -> list[str]:
+    """Return severity and mode of the log's lines about modes."""
+    line = r'\[(\w+)\] \[[\d.]+\] \[\w+\]: (idle|aligning|ready|fault|disc\w+)'
+    return [f'{severity} {mode}' for severity, mode in re.findall(line, bridge.tail(100))]
+
+
+def test_boards_that_do_not_answer_are_named_once(
+    start_bridge: StartBridge, ros_node: Node
+) -> None:
+    bridge = start_bridge(fault='dead_board:0')
+    client = BridgeClient(ros_node)
+    client.wait_for(lambda: 'WARN disconnected' in logged_modes(bridge))
+    assert logged_modes(bridge) == ['WARN disconnected']
+    assert 'no answer from board0: check supply' in bridge.tail(50)
+
+
 def assert_ends_cleanly(bridge: NodeProcess, sent: signal.Signals) -> None:
     assert bridge.stop(sent) == 0
     assert 'cycles' in bridge.tail()
@@ -89,7 +106,11 @@ def test_motors_stay_off_until_enabled_then_follow_a_velocity_until_an_e_stop(
     assert not client.call('enable').success
     client.wait_for(lambda: 'emergency stop' in client.messages.get('arm', ''))
     assert client.call('clear_fault').success
-    client.wait_for(lambda: client.modes[-1] in ('ready', 'idle'))
+    client.wait_for(lambda: logged_modes(bridge)[-1] == 'INFO ready')
+    held = ['INFO idle', 'INFO aligning', 'INFO ready']
+    assert logged_modes(bridge) == [*held, 'ERROR fault', 'INFO ready']
+    hint = "fault: emergency stop: service e_stop. To recover: 'arm clear_fault'"
+    assert hint in bridge.tail(100)
     assert_ends_cleanly(bridge, signal.SIGINT)
 
 
@@ -150,7 +171,7 @@ def test_a_closed_terminal_switches_the_motors_off(ros_node: Node) -> None:
     # The terminal is the process's own, as a shell's: closing it sends SIGHUP, and what is
     # written from then on fails.
     command = ['setsid', '--ctty', sys.executable, '-m', 'aerarm_ros.executables', 'fake_hardware']
-    command += ['--ros-args', '-p', 'encoders:=absolute', '-p', 'pace:=lockstep']
+    command += ['--ros-args', '-p', 'encoders:=absolute']
     with subprocess.Popen(
         command, env=ros_environment(), stdin=slave, stdout=slave, stderr=slave
     ) as bridge:
@@ -182,22 +203,13 @@ def test_two_arms_have_distinct_diagnostics(ros_node: Node, tmp_path: Path) -> N
     assert {found[name] for name in names} == {'left/aerarm'}
 
 
-@pytest.mark.parametrize(
-    ('parameters', 'text'),
-    [
+def test_bad_parameters_are_one_clear_line(ros_domain: dict[str, str]) -> None:
+    for parameters, text in (
         ({'config': '/nowhere/arm.yaml'}, 'arm.yaml'),
         ({'truth_file': '/nowhere/truth.yaml'}, 'truth_file'),
-        (
-            {'initial_position': [0.1]},
-            'initial_position has 1 values: set one value for each of joint1',
-        ),
-    ],
-)
-def test_bad_parameters_are_one_clear_line(
-    ros_domain: dict[str, str], parameters: dict, text: str
-) -> None:
-    done = run('fake_hardware', parameters=parameters)
-    assert done.returncode == 1
-    said = done.stderr + done.stdout
-    assert text in said
-    assert 'Traceback' not in said
+        ({'initial_position': [0.1]}, 'initial_position has 1 values: set one value for each'),
+    ):
+        done = run('fake_hardware', parameters=parameters)
+        said = done.stderr + done.stdout
+        assert (done.returncode, 'Traceback' in said) == (1, False)
+        assert text in said

@@ -47,13 +47,6 @@ def test_a_host_that_pauses_shifts_the_deadlines_and_nothing_in_the_world() -> N
     assert 'behind real time: this computer is too slow for a real arm' in loop.account()
 
 
-def test_a_simulation_without_cycles_reports_no_cycle() -> None:
-    loop = WorldLoop(2e-3, lambda: False)
-    loop.stop()
-    loop.run(lambda now_ns, index: None)
-    assert loop.account() == 'no cycle has run yet'
-
-
 def test_a_world_that_need_not_wait_runs_ahead() -> None:
     loop = WorldLoop(1.0, lambda: True, wait_first=False)
     calls, seconds = run(loop, 100)
@@ -71,30 +64,21 @@ def test_is_held_before_each_cycle(wait_first: bool) -> None:
     assert seen[:5] == [0, 1, 2, 3, 4]
 
 
-def test_stops_while_it_is_held() -> None:
+def test_the_loop_stops_while_it_is_held_and_continues_from_an_earlier_time() -> None:
+    with pytest.raises(ValueError, match='period'):
+        WorldLoop(0.0, lambda: True)
     loop = WorldLoop(1e-3, lambda: bool(loop.stop()))
     loop.run(lambda *_: pytest.fail('a cycle after the stop'))
-    assert loop.is_stopped
-    assert loop.cycles == 0
-
-
-def test_the_loop_continues_from_an_earlier_time() -> None:
+    assert loop.account() == 'no cycle has run yet'
     loop = WorldLoop(2e-3, lambda: True, False, start_ns=7)
     assert run(loop, 3)[0] == grid(3, 7)
     assert loop.world_ns == 7 + 3 * PERIOD_NS
 
 
-def test_invalid_periods_are_rejected() -> None:
-    with pytest.raises(ValueError, match='period'):
-        WorldLoop(0.0, lambda: True)
-
-
 def test_a_slip_that_no_arm_would_notice_is_no_slow_host() -> None:
     loop = WorldLoop(2e-3, lambda: False)
-    loop.cycles, loop._host_ns = 5, 20_000_000
-    loop.slipped_ns = 10_000_000
+    loop.cycles, loop._host_ns, loop.slipped_ns = 5, 20_000_000, 10_000_000
     assert loop.share_of_real_time == 0.5
     assert 'too slow' not in loop.account()
-    loop.cycles, loop._host_ns = 50, 200_000_000
-    loop.slipped_ns = 100_000_000
+    loop.cycles, loop._host_ns, loop.slipped_ns = 50, 200_000_000, 100_000_000
     assert '0.10 s behind real time: this computer is too slow for a real arm' in loop.account()

@@ -369,13 +369,10 @@ class SupplyWatch:
     ----------
     voltage
         Last reading [V], 0 before the first.
-    lowest, highest
-        Extremes of all readings [V].
     """
 
     def __init__(self, name: str, stage: PowerStageConfig) -> None:
         self.voltage = 0.0
-        self.lowest, self.highest = inf, 0.0
         self._name = name
         self._stage = stage
         self._warn_below = (1.0 + _WARNING_SHARE) * stage.voltage_min
@@ -387,7 +384,6 @@ class SupplyWatch:
     def update(self, voltage: float, duration: float) -> None:
         """Process a supply voltage reading [V], `duration` [s] after the previous reading."""
         self.voltage = voltage
-        self.lowest, self.highest = min(self.lowest, voltage), max(self.highest, voltage)
         self._low_in_row = self._low_in_row + 1 if voltage < self._stage.voltage_min else 0
         self._high_in_row = self._high_in_row + 1 if voltage > self._stage.voltage_max else 0
         self._warned_for -= duration
@@ -410,7 +406,7 @@ class SupplyWatch:
             return (
                 f'the supply of {self._name} has {self.voltage:.1f} V, below its limit of '
                 f'{self._stage.voltage_min:g} V: support the arm, charge the battery or check '
-                'the leads; check profile_scales if the voltage is wrong'
+                'the leads; check the scale in the board profile if the voltage is wrong'
             )
         return ''
 

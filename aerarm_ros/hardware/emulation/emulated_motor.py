@@ -27,11 +27,6 @@ class AlignmentTiming:
     hold: float = 0.3
     current: float = 2.0
 
-    def __post_init__(self) -> None:
-        """Validate the durations; raises ValueError."""
-        if min(self.forward, self.reverse, self.hold, self.current) <= 0.0:
-            raise ValueError('alignment durations and current must be above 0')
-
     @property
     def total(self) -> float:
         """Duration of the whole alignment [s]."""

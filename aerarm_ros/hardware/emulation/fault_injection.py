@@ -41,54 +41,6 @@ class FaultInjectionError(ValueError):
     """Error: a requested fault is unknown or invalid, or its board or motor does not exist."""
 
 
-def inject(
-    transport: EmulatedTransport,
-    fault: str,
-    board: int = 0,
-    motor: int = 0,
-    value: float | None = None,
-) -> None:
-    """Inject a fault into an emulated board.
-
-    Parameters
-    ----------
-    fault
-        Key of `FAULTS`.
-    board, motor
-        Board number, and motor number (0 or 1) for encoder faults.
-    value
-        Strength of the fault in the unit given by `FAULTS`; None for the default.
-
-    Raises
-    ------
-    FaultInjectionError
-        If the fault, board, motor or strength is invalid; the text lists valid values.
-    """
-    check(fault, len(transport.boards), board, motor, value)
-    strength = FAULTS[fault].default if value is None else value
-    FAULTS[fault].apply(transport.boards[board], motor, strength or 0.0)
-
-
-def check(
-    fault: str, boards: int, board: int = 0, motor: int = 0, value: float | None = None
-) -> None:
-    """Raise FaultInjectionError if the fault, board, motor or strength is invalid."""
-    if fault not in FAULTS:
-        raise FaultInjectionError(f'unknown fault {fault!r}: choose one of {", ".join(FAULTS)}')
-    if not 0 <= board < boards or motor not in (0, 1):
-        raise FaultInjectionError(
-            f'unknown board {board} or motor {motor}: the arm has boards 0 to {boards - 1} with '
-            'motors 0 and 1'
-        )
-    if value is None:
-        return
-    _, _, default, least, most = FAULTS[fault]
-    if default is None:
-        raise FaultInjectionError(f'{fault} takes no VALUE, but {value:g} was given: remove it')
-    if not least <= value <= most:
-        raise FaultInjectionError(f'value {value:g} of {fault} must lie in {least:g} .. {most:g}')
-
-
 def _fault(name: str, strength: Callable[[float], object] = float) -> Apply:
     """Return a function that sets an attribute of the board's faults to a strength."""
     return lambda board, _, value: setattr(board.faults, name, strength(value))
@@ -214,16 +166,16 @@ FORM = 'NAME[:BOARD[:MOTOR[:VALUE]]]'
 
 @dataclass(frozen=True)
 class FaultRequest:
-    """Request to inject a fault of a given strength into a board or motor; see `inject`.
+    """Request to inject a fault of a given strength into a board or motor of an emulated arm.
 
     Attributes
     ----------
     name
         Key of `fault_injection.FAULTS`.
     board, motor
-        Board and motor number.
+        Board number, and motor number (0 or 1) for faults of one motor.
     value
-        Strength; None for the fault's default.
+        Strength in the unit given by `FAULTS`; None for the fault's default.
     """
 
     name: str
@@ -245,9 +197,39 @@ class FaultRequest:
             raise FaultInjectionError(f'{text!r} must have the form {FORM}') from None
         if len(places) > 3 or not (value is None or isfinite(value)):
             raise FaultInjectionError(f'{text!r} must have the form {FORM}')
-        check(name, boards, board, motor, value)
-        return cls(name, board, motor, value)
+        request = cls(name, board, motor, value)
+        request.check(boards)
+        return request
+
+    def check(self, boards: int) -> None:
+        """Raise FaultInjectionError if the fault, board, motor or strength is invalid.
+
+        Parameters
+        ----------
+        boards
+            Number of boards of the arm.
+        """
+        name, value = self.name, self.value
+        if name not in FAULTS:
+            raise FaultInjectionError(f'unknown fault {name!r}: choose one of {", ".join(FAULTS)}')
+        if not 0 <= self.board < boards or self.motor not in (0, 1):
+            raise FaultInjectionError(
+                f'unknown board {self.board} or motor {self.motor}: the arm has boards 0 to '
+                f'{boards - 1} with motors 0 and 1'
+            )
+        if value is None:
+            return
+        _, _, default, least, most = FAULTS[name]
+        if default is None:
+            raise FaultInjectionError(f'{name} takes no VALUE, but {value:g} was given: remove it')
+        if not least <= value <= most:
+            raise FaultInjectionError(
+                f'value {value:g} of {name} must lie in {least:g} .. {most:g}'
+            )
 
     def apply(self, transport: EmulatedTransport) -> None:
-        """Inject the requested fault into its board."""
-        inject(transport, self.name, self.board, self.motor, self.value)
+        """Inject the requested fault into its board, or raise FaultInjectionError."""
+        self.check(len(transport.boards))
+        fault = FAULTS[self.name]
+        strength = fault.default if self.value is None else self.value
+        fault.apply(transport.boards[self.board], self.motor, strength or 0.0)

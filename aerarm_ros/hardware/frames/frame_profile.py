@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
+from functools import cache
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -231,25 +232,6 @@ class FrameProfile:
         text = f'error {code} ({name}): {advice}'
         return f'{text}; then power-cycle it' if self.errors_until_power_cycle else text
 
-    def with_lsb(self, name: str, lsb: float) -> 'FrameProfile':
-        """Return a copy of this profile with another value per count (`lsb`) of a quantity.
-
-        Raises ProfileError if the profile does not contain the quantity.
-        """
-        if not (self.command.has(name) or self.sensor.has(name)):
-            raise ProfileError(f'profile {self.name} has no field {name!r}: check the name')
-
-        def rescaled(layout: FrameLayout) -> FrameLayout:
-            return replace(
-                layout,
-                fields=tuple(
-                    replace(entry, lsb=lsb) if entry.name == name else entry
-                    for entry in layout.fields
-                ),
-            )
-
-        return replace(self, command=rescaled(self.command), sensor=rescaled(self.sensor))
-
 
 def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
     """Read a frame profile, given by a file path or its name in `config/profiles/`.
@@ -289,15 +271,15 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
         )
     path = Path(name_or_path)
     try:
-        if path.suffix not in ('.yaml', '.yml'):
-            path = resource('config', 'profiles', f'{name_or_path}.yaml')
-        document = read_plain(path)
+        is_file = path.suffix in ('.yaml', '.yml')
+        document = read_plain(path) if is_file else _packaged(f'{name_or_path}.yaml')
     except (OSError, ConfigError) as error:
         raise ProfileError(
             f'frame profile {name_or_path} cannot be read ({error}): check the name or path'
         ) from None
     if not isinstance(document, dict):
         raise ProfileError(f'frame profile {path} must be a mapping with name, command and sensor')
+    document = dict(document)
     base_name = document.pop('extends', None)
     if base_name is None:
         return document
@@ -310,6 +292,12 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
         raise ProfileError(
             f'frame profile {path} is invalid ({error!r}): check its fields'
         ) from None
+
+
+@cache
+def _packaged(file: str) -> Any:
+    """Return the content of a packaged profile file, which is read once per process."""
+    return read_plain(resource('config', 'profiles', file))
 
 
 def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:

@@ -322,7 +322,7 @@ class ModeLog:
 
 
 # [s] for the look-up of several publishers of joint_command, which the log line then names.
-_REJECTION_PATIENCE = 0.5
+_LOOK_UP = 0.5
 # [s] without a rejection for a reason, after which that reason is logged again.
 _QUIET = 1.0
 # [s] between two log lines with the same reason.
@@ -335,33 +335,27 @@ _OF_PUBLISHERS = ('source', 'not_allowed')
 
 
 class RejectionLog:
-    """Log a warning if the bridge rejects joint commands, at most once per reason in 10 s.
-
-    The cycle only stores the rejection; the executor's thread writes the log line.
+    """Report rejected joint commands, at most once per reason in 10 s; called by the cycle.
 
     Parameters
     ----------
-    node
-        Owner of the log.
+    warn
+        Logs a warning without delay of the cycle.
     publishers_warning
         Returns a warning about the publishers of commands, or an empty string.
     """
 
-    def __init__(self, node: Node, publishers_warning: Callable[[], str]) -> None:
-        self._logger = node.get_logger()
+    def __init__(self, warn: Callable[[str], None], publishers_warning: Callable[[], str]) -> None:
+        self._warn = warn
         self._publishers_warning = publishers_warning
         self._rejected_at: dict[str, float] = {}
+        self._begun: dict[str, float] = {}
         self._logged_at: dict[str, float] = {}
         self._mode = ''
         self._mode_since = -inf
-        self._noted: deque[str] = deque()
-        self._news = node.create_guard_condition(self._wait)
-        self._patience = create_steady_timer(
-            node, _REJECTION_PATIENCE, self._write, autostart=False
-        )
 
     def update(self, intake: CommandIntake, mode: str, now: float) -> None:
-        """Queue a log line if the cycle at `now` [s] rejected a command; called by the cycle."""
+        """Log a warning if the cycle at `now` [s] rejected a command for a new reason."""
         if mode != self._mode:
             self._mode, self._mode_since = mode, now
         if intake.last_rejection_time != now:
@@ -369,20 +363,15 @@ class RejectionLog:
         reason = intake.last_rejection
         if reason == 'not_ready' and now - self._mode_since < _AFTER_CHANGE:
             return
-        silence = now - self._rejected_at.get(reason, -inf)
+        if now - self._rejected_at.get(reason, -inf) >= _QUIET:
+            self._begun[reason] = now
         self._rejected_at[reason] = now
-        if silence < _QUIET or now - self._logged_at.get(reason, -inf) < _PERIOD:
+        if reason not in self._begun:
             return
-        self._logged_at[reason] = now
-        self._noted.append(reason)
-        self._news.trigger()
-
-    def _wait(self) -> None:
-        self._patience.reset()
-
-    def _write(self) -> None:
-        self._patience.cancel()
-        while self._noted:
-            reason = self._noted.popleft()
-            why = self._publishers_warning() if reason in _OF_PUBLISHERS else ''
-            self._logger.warning(f'a command was rejected: {why or REJECTIONS[reason]}')
+        why = self._publishers_warning() if reason in _OF_PUBLISHERS else REJECTIONS[reason]
+        if not why and now - self._begun[reason] < _LOOK_UP:
+            return
+        del self._begun[reason]
+        if now - self._logged_at.get(reason, -inf) >= _PERIOD:
+            self._logged_at[reason] = now
+            self._warn(f'a command was rejected: {why or REJECTIONS[reason]}')

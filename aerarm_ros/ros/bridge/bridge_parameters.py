@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.board_link import Transport
-from aerarm_ros.hardware.frames.frame_profile import FrameProfile, ProfileError, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
 from aerarm_ros.ros.parameters.parameter import Parameter
@@ -168,12 +167,6 @@ BRIDGE_PARAMETERS = (
     ),
     TRANSPORT,
     Parameter(
-        'profile_scales',
-        [],
-        'scales that replace those of the board profile, each as QUANTITY=VALUE_OF_ONE_COUNT, for '
-        'example bus_voltage=0.001',
-    ),
-    Parameter(
         'state_file',
         AUTO,
         'file with the encoder zeros, for a restart of the bridge while the boards stay on; no '
@@ -254,22 +247,6 @@ def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | Non
             'parameter state_file, or the environment variable XDG_STATE_HOME'
         ) from None
     return Path(folder) / 'aerarm_ros' / f'{node.strip("/").replace("/", ".")}.json'
-
-
-def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
-    """Load the board profile that the parameters name; raises ProfileError if it is invalid."""
-    profile = load_profile(values.profile or config.profile)
-    for entry in values.profile_scales:
-        name, _, lsb = entry.partition('=')
-        try:
-            profile = profile.with_lsb(name.strip(), float(lsb))
-        except ProfileError as error:
-            raise ProfileError(f'parameter profile_scales: {error}') from None
-        except ValueError:
-            raise ProfileError(
-                f'{entry!r} in parameter profile_scales is invalid: use the form QUANTITY=NUMBER'
-            ) from None
-    return profile
 
 
 def board_gains(

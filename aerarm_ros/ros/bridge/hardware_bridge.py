@@ -23,7 +23,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroFile
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_modes import ACTIONS, Action, Answer
-from aerarm_ros.hardware.frames.frame_profile import FrameProfile
+from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.command_intake import CommandPublishers, OfferedCommand
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.realtime.periodic_loop import CycleSlack, PeriodicLoop, SteadyClock
@@ -39,7 +39,6 @@ from aerarm_ros.ros.bridge.bridge_parameters import (
     BRIDGE_PARAMETERS,
     board_gains,
     bridge_settings,
-    frame_profile,
     make_transport,
     state_file,
 )
@@ -204,7 +203,9 @@ class HardwareBridge(LifecycleNode):
         )
         self._mode_publisher = topics.ARM_MODE.publisher(self)
         self._mode_log = ModeLog(self)
-        self._rejection_log = RejectionLog(self, lambda: self.command_publishers.warning)
+        self._rejection_log = RejectionLog(
+            self._mode_log.warn, lambda: self.command_publishers.warning
+        )
         self._diagnostics = BridgeDiagnostics(self, self.world.now_ns)
         self._work = threading.Event()
         self._stopping = False
@@ -227,7 +228,7 @@ class HardwareBridge(LifecycleNode):
                 from aerarm_ros.description.drone_urdf import with_drone
 
                 urdf = with_drone(urdf, drone, robot.prefix)
-            profile = frame_profile(self.values, config)
+            profile = load_profile(self.values.profile or config.profile)
             self.config = config
             self._diagnostics.name_arm(config.name)
             self._transport = self.world.make_transport(config, robot, profile)
@@ -250,6 +251,7 @@ class HardwareBridge(LifecycleNode):
             self.cycle.check_gains(*self._gains())
         except (ValueError, OSError) as error:
             self._problem = f'not configured: {error}'
+            self.world.clean_up()
             if not self._starting:
                 self.get_logger().error(self._problem)
             return FAILURE

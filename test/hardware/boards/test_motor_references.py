@@ -345,9 +345,9 @@ def test_damping_that_lets_the_arm_fall_is_refused(config):
         MotorReferences(config, load_profile(), 0.5, damping_min=[1.0, 9.0, 0.1, 0.1])
 
 
-def test_damping_is_checked_after_rounding_to_the_frame(config):
+def test_damping_is_checked_after_rounding_to_the_frame(config, coarse_profile):
     # One count of 0.3 A s/rad: 0.14 becomes nothing.
-    coarse = load_profile().with_lsb('kd', 31.4)
+    coarse = coarse_profile('kd', 31.4)
     MotorReferences(replace_kd(config, 0.3), coarse, 0.5, damping_min=0.1)
     with pytest.raises(ValueError, match='a falling arm'):
         MotorReferences(replace_kd(config, 0.14), coarse, 0.5, damping_min=0.1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
-from aerarm_ros.hardware.emulation.fault_injection import inject
+from aerarm_ros.hardware.emulation.fault_injection import FaultRequest
 
 
 def counted(boards, joint, travel):
@@ -38,7 +38,7 @@ def test_the_count_of_joint4_is_that_of_the_wiring(boards, fault, motors):
     boards.advance(0.0)
     boards.advance(1e-3)
     if fault is not None:
-        inject(boards, *fault)
+        FaultRequest(*fault).apply(boards)
     own, other = motors
     expected = np.array([0.0, 0.0, other, own]) * 0.1
     assert counted(boards, 3, 0.1) == pytest.approx(expected, abs=0.01)
@@ -49,7 +49,7 @@ def test_encoder_counts_continue_when_the_wiring_changes(boards):
     boards.advance(1e-3)
     encoders = [motor.encoder for board in boards.boards for motor in board.motors]
     before = [encoder.position for encoder in encoders]
-    inject(boards, 'wrong_ratio', 0, 1, 31.0)
+    FaultRequest('wrong_ratio', 0, 1, 31.0).apply(boards)
     boards.advance(2e-3)
     assert [encoder.position for encoder in encoders] == pytest.approx(before, abs=0.002)
 
@@ -77,6 +77,6 @@ def test_a_joint_with_high_friction_stays_where_a_healthy_one_moves(make_rig):
 
 
 def test_wiring_outlives_a_power_cycle(boards):
-    inject(boards, 'wrong_sign', 1, 1)
-    inject(boards, 'power_cycle', 1)
+    FaultRequest('wrong_sign', 1, 1).apply(boards)
+    FaultRequest('power_cycle', 1).apply(boards)
     assert counted(boards, 3, 0.1)[3] == pytest.approx(-2.7, abs=0.01)

@@ -1,6 +1,7 @@
 import numpy as np
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
+from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport, mount_on_base
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL, TILTED
 
@@ -11,7 +12,9 @@ LEANING = [0.0, 0.9, 0.0, 0.0]
 def held_posture(config, robot, profile: str) -> np.ndarray:
     """Return where the boards hold the arm, after a second without a command."""
     config = config.with_encoders('absolute')
-    transport = make_emulated_transport(config, robot, None, position=LEANING)
+    transport = make_emulated_transport(
+        config, robot, None, position=LEANING, alignment=AlignmentTiming(0.25, 0.25, 0.1)
+    )
     plant = mount_on_base(transport, robot, BASE_PROFILES[profile])
     assert plant is transport.plant
     np.testing.assert_array_equal(plant.position, LEANING)

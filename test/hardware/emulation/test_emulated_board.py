@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.drive_config import MotorConfig
-from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
+from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard, EmulatedSupply
 from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.frames.board_messages import BoardCommand
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
@@ -262,3 +262,22 @@ def test_an_error_after_a_frame_was_prepared_is_in_it():
     state = bench.codec.decode(bench.board.exchange(bench.codec.encode(bench.command)))
     assert state.error == 7
     assert not state.system_enabled
+
+
+def test_a_battery_sags_under_a_load_and_takes_braking_power_back():
+    supply = EmulatedSupply()
+    supply.step(240.0, 1e-3)
+    assert supply.voltage == pytest.approx(24.0 - 0.05 * 10.0)
+    supply.step(-240.0, 1e-3)
+    assert supply.voltage == pytest.approx(24.5)
+
+
+def test_braking_energy_that_the_supply_rejects_charges_the_capacitors():
+    supply = EmulatedSupply()
+    supply.capacitance = 1e-3
+    for _ in range(100):
+        supply.step(-10.0, 1e-3)
+    assert supply.voltage == pytest.approx(math.sqrt(24.0**2 + 2.0 * 1.0 / 1e-3))
+    for _ in range(200):
+        supply.step(10.0, 1e-3)  # motors take it again first
+    assert supply.voltage == pytest.approx(24.0, abs=0.1)

@@ -61,14 +61,6 @@ def test_largest_gains_are_those_of_the_protocol():
     assert profile.command.largest('integral_gain') == 0.0
 
 
-def test_scales_are_parameters():
-    profile = load_profile('laas_power').with_lsb('bus_voltage', 0.01)
-    assert profile.sensor.largest('bus_voltage') == pytest.approx(655.35)
-    assert load_profile('laas_power').sensor.largest('bus_voltage') == pytest.approx(64, abs=0.01)
-    with pytest.raises(ProfileError, match='no .*tension'):
-        profile.with_lsb('tension', 0.01)
-
-
 def test_unknown_error_codes_have_a_text():
     assert 'error 15' in load_profile().error_text(15)
 

@@ -60,9 +60,7 @@ def test_gains_are_live_bad_ones_are_not_stored_and_energy_is_counted(client: Br
 def test_the_integral_gain_of_the_thesis_and_a_refused_real_time_request(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:
-    process = start_bridge(
-        profile='laas_power', board_ki=[2.0], profile_scales=['bus_voltage=0.002'], cpus=[1000]
-    )
+    process = start_bridge(profile='laas_power', board_ki=[2.0], cpus=[1000])
     client = BridgeClient(ros_node)
     client.make_ready()
     client.wait_for(lambda: 'CPUs [1000] were refused' in process.tail(50))

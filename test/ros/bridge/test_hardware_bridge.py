@@ -146,7 +146,6 @@ def ask_and_stop(bridge: FakeHardware, action: str, answers: list[Answer]) -> No
     ('action', 'settings', 'text'),
     [
         ('enable', {}, 'the motors align now'),
-        ('home', {}, 'the motors align, then'),
         ('e_stop', {'connect_frames': 1000, 'bad_frames_max': 1000}, 'the arm is damped'),
     ],
 )
