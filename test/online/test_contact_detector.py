@@ -134,18 +134,6 @@ def test_states_lost_in_bursts_are_reported(run: CarryingRun, quiet: ContactDete
     assert play(quiet, replace(motion, time=motion.time + 10.0)).problem == ''
 
 
-def test_without_dry_friction_the_model_error_at_rest_is_no_contact(
-    run: CarryingRun, bound: ResidualBound
-) -> None:
-    arm = known_arm(run)
-    smooth = replace(arm, friction=np.zeros((3, 4)))
-    found = ContactDetector(ExternalTorque(smooth, GAIN), bound, SMALL)
-    motion = at_rest(run, 0.0)
-    tau = motion.tau - 0.3 * arm.friction[1]
-    tau[:, 0] += 0.4 * bound.constant[0] * np.sign(np.sin(5.0 * motion.time))
-    assert play(found, replace(motion, tau=tau)).events == []
-
-
 def slow_motion(run: CarryingRun, rest: float) -> Recording:
     """Return rest, in which friction holds a torque, then 12 s of slow motion of an exact model."""
     arm = known_arm(run)
@@ -248,13 +236,6 @@ def thinned(motion: Recording, kept: np.ndarray) -> Recording:
     assert motion.dq is not None
     rows = {name: getattr(motion, name)[kept] for name in ('time', 'q', 'dq', 'tau')}
     return replace(motion, **rows)
-
-
-def test_a_re_sent_state_changes_nothing(run: CarryingRun, bound: ResidualBound) -> None:
-    motion = TOUCH.added(run, recording(run, 0.7, run.pick_up))
-    twice = thinned(motion, np.repeat(np.arange(len(motion.time)), 2))
-    once, again = (play(detector(run, bound), each).events for each in (motion, twice))
-    assert [(e.begin, e.end, e.cause) for e in once] == [(e.begin, e.end, e.cause) for e in again]
 
 
 def test_the_place_of_a_force_on_the_tool(run: CarryingRun) -> None:

@@ -96,13 +96,6 @@ def test_a_fast_motion_is_slowed_along_its_path(drone: DroneConfig) -> None:
     assert end.dq == pytest.approx(0.0, abs=1e-9)
 
 
-def test_velocity_and_acceleration_stay_continuous(drone: DroneConfig) -> None:
-    slowed = governor_of(drone).govern(PolynomialPath.rest_to_rest(HANGING, OUT, 0.45))
-    times = np.linspace(0.0, slowed.duration, 4000)
-    ddq = np.array([slowed.evaluate(float(time)).ddq for time in times])
-    assert np.abs(np.diff(ddq, axis=0)).max() < 0.05 * np.abs(ddq).max()
-
-
 def test_a_posture_that_the_drone_cannot_hover_under_is_rejected() -> None:
     drone = load_drone_config()
     weak = replace(drone, rotors=tuple(replace(rotor, thrust_max=8.2) for rotor in drone.rotors))
