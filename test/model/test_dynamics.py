@@ -168,3 +168,12 @@ def test_no_direction_of_gravity_causes_a_larger_torque() -> None:
         dynamics = Dynamics(load_robot(gravity_in_base=gravity))
         for q in random.uniform(robot.position_min, robot.position_max, (20, robot.n)):
             assert np.all(np.abs(dynamics.gravity(q)) < 1.02 * largest)
+
+
+@pytest.mark.parametrize(
+    ('rotor', 'message'),
+    [([0.1, 0.1], '2 rotor inertias for 4 joints'), (-1.0, 'not negative'), (np.nan, 'finite')],
+)
+def test_a_wrong_rotor_inertia_is_refused(arm: Robot, rotor: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Dynamics(arm, rotor)  # type: ignore[arg-type]

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from carrying_run import CarryingRun
-from touched_run import GAIN, SMALL, Touch, detector, known_arm, recording
+from touched_run import GAIN, SMALL, Touch, detector, known_arm, learnt, recording
 
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
@@ -273,3 +274,21 @@ def test_a_wrong_file_is_rejected(
     names = run.robot().joint_names
     with pytest.raises(ValueError, match=words):
         ResidualBound.from_dict({**bound.to_dict(names), **change}, names, 'file')
+
+
+def test_lost_states_do_not_raise_the_thresholds(free: CarryingRun, bound: ResidualBound) -> None:
+    motion = recording(free, 0.7, 9.0)
+    kept = np.ones(len(motion.time), bool)
+    for begin in range(300, len(kept), 200):
+        kept[begin : begin + 20] = False
+    again = learnt(free, thinned(motion, kept))
+    rows = [row for _, _, row in ExternalTorque(known_arm(free), GAIN).over(motion)]
+    once, later = (
+        np.mean([each.threshold(row) for row in rows], axis=0) for each in (bound, again)
+    )
+    assert (later < 1.3 * once).all()
+
+
+def test_too_little_free_motion_is_rejected(free: CarryingRun) -> None:
+    with pytest.raises(IdentificationError, match='too few to learn thresholds'):
+        learnt(free, recording(free, 0.7, 1.0))

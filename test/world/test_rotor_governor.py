@@ -194,3 +194,10 @@ def test_a_reaction_is_limited_only_if_it_lasts(drone: DroneConfig) -> None:
         lasting = reaction(posture, rest, hard, 1e-3)
     assert governor.usage(JointReference(posture, rest, hard)) > 0.8
     assert governor.usage(JointReference(posture, rest, lasting)) == pytest.approx(0.7, abs=1e-3)
+
+
+def test_a_heading_that_no_pace_holds_is_rejected() -> None:
+    tight = HeadingControl(1e-6, frequency=0.1)
+    motion = PolynomialPath.rest_to_rest(BESIDE, TURNED, 1.0)
+    with pytest.raises(RejectedInputError, match='heading'):
+        governor_of(load_drone_config(), heading=tight).slowdown(motion)
