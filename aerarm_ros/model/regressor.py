@@ -39,22 +39,6 @@ class Regressor:
         self._data = self._model.createData()
         self.columns = self._column_names()
 
-    def rigid(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return the regressor of the inertial parameters for one sample, thesis (3.1).
-
-        Parameters
-        ----------
-        q, dq, ddq : (n,) ndarray
-            Positions [rad], velocities [rad/s], accelerations [rad/s^2].
-
-        Returns
-        -------
-        (n, 10 n) ndarray
-            Torque of each joint per inertial parameter of each link.
-        """
-        result = pin.computeJointTorqueRegressor(self._model, self._data, q, dq, ddq)
-        return np.asarray(result)
-
     def stack_rigid(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
         """Return the regressors of the inertial parameters for M samples, one below the other.
 

@@ -22,6 +22,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import ArmState, JointReference
 
@@ -120,7 +121,8 @@ class DroneInEngine:
         rotation = drone.mount.rotation
         self._centre = np.array(drone.mount.position) + rotation @ com
         self._inertia = rotation @ inertia @ rotation.T
-        self._mixer = np.linalg.pinv(drone.allocation)
+        self._allocation = drone.allocation
+        self._mixer = np.linalg.pinv(self._allocation)
         self._low, self._high = drone.column('thrust_min'), drone.column('thrust_max')
         self._decay = np.exp(-CYCLE / drone.column('time_constant'))
         self._sums = np.zeros((2, 3))
@@ -141,7 +143,7 @@ class DroneInEngine:
         rate = np.array(self.data.qvel[3:6])
         place = np.array(self.drone.imu.position)
         force = attitude.inv().apply(self.data.qacc[:3] + [0.0, 0.0, 9.81])
-        force += np.cross(spin, place) + np.cross(rate, np.cross(rate, place))
+        force += cross(spin, place) + cross(rate, cross(rate, place))
         return attitude.as_quat(), rate, force
 
     def control(self) -> Array:
@@ -158,7 +160,7 @@ class DroneInEngine:
         self._sums[1] += period * error
         force = np.array([0.0, 0.0, self._mass * (wanted @ attitude.apply([0.0, 0.0, 1.0]))])
         spin = 150.0 * error - 18.0 * self.data.qvel[3:6] + 300.0 * self._sums[1]
-        moment = self._inertia @ spin + np.cross(self._centre, force)
+        moment = self._inertia @ spin + cross(self._centre, force)
         return np.asarray(self._mixer @ np.concatenate([force, moment]))
 
     def step(self, effort: Array) -> None:
@@ -168,7 +170,7 @@ class DroneInEngine:
         if self.is_free:
             command = np.minimum(np.maximum(self.command, self._low), self._high)
             self.thrust = command + (self.thrust - command) * self._decay
-            wrench = self.drone.allocation @ self.thrust
+            wrench = self._allocation @ self.thrust
             applied[:3] = self.data.xmat[1].reshape(3, 3) @ wrench[:3]
             applied[3:6] = wrench[3:]
         mujoco.mj_step(self.model, self.data)

@@ -119,21 +119,6 @@ def test_with_a_fraction_below_one_friction_still_wins_at_every_velocity() -> No
         assert np.all(left * dq >= 0.0)
 
 
-@pytest.mark.parametrize(
-    ('changes', 'message'),
-    [
-        ({'fraction': 1.2}, 'fraction'),
-        ({'width': 0.0}, 'width'),
-        ({'coulomb': [-0.1, 0.1]}, 'Coulomb'),
-        ({'coulomb': [0.1, 0.1, 0.1]}, '3 values'),
-        ({'load_share': -0.1}, 'load-dependent friction'),
-    ],
-)
-def test_wrong_coefficients_are_refused(changes, message) -> None:
-    with pytest.raises(ValueError, match=message):
-        FrictionCompensation(**{'viscous': VISCOUS, 'coulomb': COULOMB, **changes})
-
-
 def test_slopes_are_the_derivatives_of_the_torque() -> None:
     friction = FrictionCompensation([0.1, 0.2], [0.3, 0.4], 0.05, load_share=[0.02, 0.04])
     dq, load, h = np.array([0.03, -0.4]), np.array([-2.0, 1.0]), 1e-7

@@ -47,14 +47,6 @@ def test_power_passes_the_gear(
     assert np.allclose(drive.current_to_effort(current) * dq, motor_power)
 
 
-def test_a_lossy_gear_transmits_its_efficiency(config: ArmConfig, drive: DriveTrain) -> None:
-    lossy_gear = replace(config.joints[0].gear, efficiency=0.8)
-    lossy = DriveTrain(changed(config, 0, gear=lossy_gear, effort_max=10.0))
-    current = np.ones(4)
-    share = lossy.current_to_effort(current) / drive.current_to_effort(current)
-    assert np.allclose(share, [0.8, 1.0, 1.0, 1.0])
-
-
 def test_the_rotor_keeps_its_kinetic_energy(config: ArmConfig, drive: DriveTrain) -> None:
     dq = np.array([0.5, -1.0, 2.0, 1.5])
     rotor = config.column('motor.rotor_inertia') * drive.joint_to_motor_velocity(dq) ** 2

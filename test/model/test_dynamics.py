@@ -118,30 +118,6 @@ def test_free_motion_keeps_its_energy(dynamics: Dynamics, rng: np.random.Generat
     assert after == pytest.approx(before, abs=1e-7)
 
 
-def test_pd_control_with_gravity_compensation_dissipates_as_predicted(arm: Robot) -> None:
-    """Thesis (2.14) on (2.7): V of (2.10) falls at the rate (2.15), `-dq (Fv + Kd) dq`."""
-    dynamics = Dynamics(arm, 0.01)
-    kp, kd, fv = np.array([30.0, 30.0, 5.0, 3.0]), np.array([3.0, 3.0, 0.5, 0.3]), arm.viscous
-    target, step = np.array([0.2, 1.2, -0.3, 0.4]), 1e-5
-
-    def acceleration(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        tau = dynamics.gravity(q) + kp * (target - q) - kd * dq
-        return dynamics.forward(q, dq, tau - fv * dq)
-
-    def lyapunov(q: np.ndarray, dq: np.ndarray) -> float:
-        return dynamics.kinetic_energy(q, dq) + 0.5 * float(np.sum(kp * (target - q) ** 2))
-
-    state = (np.array([0.0, 1.5, 0.3, -0.2]), np.zeros(4))
-    for _ in range(5):
-        q, dq = state = integrate(acceleration, state, 0.02)
-        rate = (lyapunov(*integrate(acceleration, state, step, step)) - lyapunov(q, dq)) / step
-        middle = integrate(acceleration, state, step / 2, step / 2)[1]
-        assert rate == pytest.approx(-float(np.sum((fv + kd) * middle**2)), rel=1e-4)
-        assert rate < 0.0
-    q, dq = integrate(acceleration, state, 6.0, 2e-3)
-    assert np.allclose(q, target, atol=1e-3)
-
-
 @pytest.mark.parametrize('gravity', [(0.0, 0.0, -9.81), (3.0, -4.0, 8.0)])
 def test_mujoco_computes_the_same_torques(
     arm: Robot, rng: np.random.Generator, gravity: tuple[float, float, float]
@@ -194,8 +170,10 @@ def test_no_direction_of_gravity_causes_a_larger_torque() -> None:
             assert np.all(np.abs(dynamics.gravity(q)) < 1.02 * largest)
 
 
-def test_is_the_stretched_arm_about_its_first_two_joints() -> None:
-    robot = load_robot()
-    stretched = Dynamics(robot).gravity(np.zeros(robot.n))
-    # A base on its side asks as much of joint 1 as a level one of joint 2.
-    assert largest_gravity_load(robot)[:2] == pytest.approx(abs(stretched[1]), rel=0.02)
+@pytest.mark.parametrize(
+    ('rotor', 'message'),
+    [([0.1, 0.1], '2 rotor inertias for 4 joints'), (-1.0, 'not negative'), (np.nan, 'finite')],
+)
+def test_a_wrong_rotor_inertia_is_refused(arm: Robot, rotor: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Dynamics(arm, rotor)  # type: ignore[arg-type]

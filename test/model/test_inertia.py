@@ -43,13 +43,6 @@ def test_any_distribution_of_mass_is_consistent(points: np.ndarray, masses: np.n
     assert is_physically_consistent(pi, tolerance=1e-12 * scale)
 
 
-def test_pseudo_inertia_is_the_second_moment(rng: np.random.Generator) -> None:
-    masses, points = rng.uniform(0.1, 1.0, 5), rng.normal(size=(5, 3))
-    homogeneous = np.column_stack([points, np.ones(5)])
-    second_moment = np.einsum('i,ij,ik->jk', masses, homogeneous, homogeneous)
-    assert np.allclose(pseudo_inertia(point_masses(masses, points)), second_moment)
-
-
 def test_parameters_are_those_of_pinocchio(rng: np.random.Generator) -> None:
     body = pin.Inertia.Random()
     pi = body.toDynamicParameters()

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from carrying_run import CarryingRun
-from touched_run import GAIN, SMALL, Touch, detector, known_arm, recording
+from touched_run import GAIN, SMALL, Touch, detector, known_arm, learnt, recording
 
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
@@ -134,18 +135,6 @@ def test_states_lost_in_bursts_are_reported(run: CarryingRun, quiet: ContactDete
     assert play(quiet, replace(motion, time=motion.time + 10.0)).problem == ''
 
 
-def test_without_dry_friction_the_model_error_at_rest_is_no_contact(
-    run: CarryingRun, bound: ResidualBound
-) -> None:
-    arm = known_arm(run)
-    smooth = replace(arm, friction=np.zeros((3, 4)))
-    found = ContactDetector(ExternalTorque(smooth, GAIN), bound, SMALL)
-    motion = at_rest(run, 0.0)
-    tau = motion.tau - 0.3 * arm.friction[1]
-    tau[:, 0] += 0.4 * bound.constant[0] * np.sign(np.sin(5.0 * motion.time))
-    assert play(found, replace(motion, tau=tau)).events == []
-
-
 def slow_motion(run: CarryingRun, rest: float) -> Recording:
     """Return rest, in which friction holds a torque, then 12 s of slow motion of an exact model."""
     arm = known_arm(run)
@@ -250,13 +239,6 @@ def thinned(motion: Recording, kept: np.ndarray) -> Recording:
     return replace(motion, **rows)
 
 
-def test_a_re_sent_state_changes_nothing(run: CarryingRun, bound: ResidualBound) -> None:
-    motion = TOUCH.added(run, recording(run, 0.7, run.pick_up))
-    twice = thinned(motion, np.repeat(np.arange(len(motion.time)), 2))
-    once, again = (play(detector(run, bound), each).events for each in (motion, twice))
-    assert [(e.begin, e.end, e.cause) for e in once] == [(e.begin, e.end, e.cause) for e in again]
-
-
 def test_the_place_of_a_force_on_the_tool(run: CarryingRun) -> None:
     robot = run.robot()
     motion = recording(run, 1.0, 1.01)
@@ -292,3 +274,21 @@ def test_a_wrong_file_is_rejected(
     names = run.robot().joint_names
     with pytest.raises(ValueError, match=words):
         ResidualBound.from_dict({**bound.to_dict(names), **change}, names, 'file')
+
+
+def test_lost_states_do_not_raise_the_thresholds(free: CarryingRun, bound: ResidualBound) -> None:
+    motion = recording(free, 0.7, 9.0)
+    kept = np.ones(len(motion.time), bool)
+    for begin in range(300, len(kept), 200):
+        kept[begin : begin + 20] = False
+    again = learnt(free, thinned(motion, kept))
+    rows = [row for _, _, row in ExternalTorque(known_arm(free), GAIN).over(motion)]
+    once, later = (
+        np.mean([each.threshold(row) for row in rows], axis=0) for each in (bound, again)
+    )
+    assert (later < 1.3 * once).all()
+
+
+def test_too_little_free_motion_is_rejected(free: CarryingRun) -> None:
+    with pytest.raises(IdentificationError, match='too few to learn thresholds'):
+        learnt(free, recording(free, 0.7, 1.0))

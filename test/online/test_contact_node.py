@@ -1,6 +1,7 @@
 """The node `contact_estimator`, which receives a recording state by state."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from std_msgs.msg import Bool
 from touched_run import Touch, recording
 
 from aerarm_msgs_py import topics
+from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.nodes.contact_estimator import ContactEstimatorNode
 from aerarm_ros.online.external_torque import ResidualBound
@@ -64,3 +66,27 @@ def test_a_touch_is_published(known: ContactEstimatorNode, run: CarryingRun) -> 
 def test_without_thresholds_the_error_states_how_to_learn_them(make_node) -> None:
     with pytest.raises(ValueError, match='residuals_file is not set: learn the contact thresholds'):
         make_node(ContactEstimatorNode)
+
+
+def feed(node: ContactEstimatorNode, motion: Recording) -> None:
+    """Give the node a recording state by state."""
+    assert motion.dq is not None
+    for now, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
+        node.stamp_ns = round(1e9 * (EPOCH + now))
+        node.answer(node.stamp_ns, ArmState(q, dq, tau))
+
+
+def test_a_model_of_another_arm_is_named(known: ContactEstimatorNode, free: CarryingRun) -> None:
+    motion = recording(free, 0.7, 9.0)
+    for again in range(3):
+        time = motion.time + 8.31 * again
+        feed(known, replace(motion, time=time, tau=0.6 * motion.tau))
+    assert 'check that the model belongs to this arm' in known.warning()
+    assert known.describe()['contact'] == 'no'
+
+
+def test_an_invalid_thresholds_file_is_named(make_node, tmp_path: Path) -> None:
+    file = tmp_path / 'residuals.yaml'
+    file.write_text('a: 1\n')
+    with pytest.raises(ValueError, match='residual_bound'):
+        make_node(ContactEstimatorNode, residuals_file=file)

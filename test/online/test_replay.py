@@ -94,3 +94,8 @@ def test_torque_noise_is_that_without_the_payload(run: CarryingRun, arm: KnownAr
     carrying = unexplained_torque(arm, recording(run, run.pick_up, run.put_down), 30.0)
     # The payload of 0.2 kg causes some 0.3 Nm.
     assert max(map(np.max, (bare, partly, carrying))) < 0.05
+
+
+def test_a_requested_stop_ends_the_replay(run: CarryingRun, arm: KnownArm) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        Replay(arm, arm.estimator(), lambda: True).play(recording(run, 0.6, 0.8))

@@ -31,15 +31,3 @@ def test_the_mean_torque_is_the_change_of_mean_momentum() -> None:
     for before, after in zip(means, means[1:], strict=False):
         change = MASS * (after.state.dq - before.state.dq) / after.dt
         assert after.state.tau == pytest.approx(change)
-
-
-def test_encoder_counts_disappear_in_the_mean() -> None:
-    count, speed = 5e-5, 0.02
-    q = np.floor(speed * CYCLE * np.arange(1001) / count) * count
-    states = [
-        ArmState(np.array([b]), np.array([(b - a) / CYCLE]), np.zeros(1))
-        for a, b in zip(q, q[1:], strict=False)
-    ]
-    raw = np.std([state.dq for state in states])
-    mean = np.std([window.state.dq for window in windows(states, CYCLE)])
-    assert mean < 0.25 * raw

@@ -96,13 +96,6 @@ def test_a_fast_motion_is_slowed_along_its_path(drone: DroneConfig) -> None:
     assert end.dq == pytest.approx(0.0, abs=1e-9)
 
 
-def test_velocity_and_acceleration_stay_continuous(drone: DroneConfig) -> None:
-    slowed = governor_of(drone).govern(PolynomialPath.rest_to_rest(HANGING, OUT, 0.45))
-    times = np.linspace(0.0, slowed.duration, 4000)
-    ddq = np.array([slowed.evaluate(float(time)).ddq for time in times])
-    assert np.abs(np.diff(ddq, axis=0)).max() < 0.05 * np.abs(ddq).max()
-
-
 def test_a_posture_that_the_drone_cannot_hover_under_is_rejected() -> None:
     drone = load_drone_config()
     weak = replace(drone, rotors=tuple(replace(rotor, thrust_max=8.2) for rotor in drone.rotors))
@@ -201,3 +194,10 @@ def test_a_reaction_is_limited_only_if_it_lasts(drone: DroneConfig) -> None:
         lasting = reaction(posture, rest, hard, 1e-3)
     assert governor.usage(JointReference(posture, rest, hard)) > 0.8
     assert governor.usage(JointReference(posture, rest, lasting)) == pytest.approx(0.7, abs=1e-3)
+
+
+def test_a_heading_that_no_pace_holds_is_rejected() -> None:
+    tight = HeadingControl(1e-6, frequency=0.1)
+    motion = PolynomialPath.rest_to_rest(BESIDE, TURNED, 1.0)
+    with pytest.raises(RejectedInputError, match='heading'):
+        governor_of(load_drone_config(), heading=tight).slowdown(motion)

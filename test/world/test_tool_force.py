@@ -40,9 +40,8 @@ class PressingFlight(HoldingFlight):
 
     def _sense(self, now: float, stamp_ns: int) -> None:
         super()._sense(now, stamp_ns)
-        attitude, rate, specific = self.plant.imu
         if self._cycle % 4 == 0:
-            self.measured.offer(ImuSample(now - 4e-3, attitude, rate, specific), now)
+            self.measured.offer(ImuSample(now - 4e-3, *self.plant.imu), now)
 
     def _fly(self, now: float) -> None:
         if not self.source.base.problem(now):

@@ -1,6 +1,5 @@
 """Velocity control of joints or tool with a damped inverse of the Jacobian."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -69,11 +68,10 @@ class VelocityResolution:
     """Computes joint velocities for a desired tool velocity (inverse kinematics, thesis (2.8)).
 
     The joint velocity gives the frame's origin the desired velocity. The remaining freedom moves
-    the arm toward a home configuration, and reduces an objective. The speed of a joint toward a
-    limit is at most proportional to the remaining distance (Faverjon, Tournassoud 1987). A joint at
-    that bound is fixed, and the other joints move instead (Flacco, De Luca, Khatib 2012). If a
-    joint is then still too fast, all joints are scaled equally, so that the tool keeps its
-    direction.
+    the arm toward a home configuration. The speed of a joint toward a limit is at most
+    proportional to the remaining distance (Faverjon, Tournassoud 1987). A joint at that bound is
+    fixed, and the other joints move instead (Flacco, De Luca, Khatib 2012). If a joint is then
+    still too fast, all joints are scaled equally, so that the tool keeps its direction.
 
     Parameters
     ----------
@@ -85,11 +83,6 @@ class VelocityResolution:
         Largest speed of a joint toward a limit, divided by the distance to the limit [1/s].
     margin : float
         Distance [rad] to the limits that is kept.
-    slope : callable, optional
-        Returns the derivative (n,) of an objective at q (n,), such as the heat loss of holding the
-        arm's weight [W/rad].
-    slope_gain : float
-        Joint speed that reduces the objective [rad/s], divided by the objective's slope.
 
     Attributes
     ----------
@@ -113,8 +106,6 @@ class VelocityResolution:
         rest_gain: float = 0.5,
         limit_gain: float = 5.0,
         margin: float = 0.02,
-        slope: Callable[[Array], Array] | None = None,
-        slope_gain: float = 0.0,
     ) -> None:
         self.kinematics = kinematics
         self._limits = limits
@@ -123,8 +114,6 @@ class VelocityResolution:
         self._rest_gain = non_negative_number('rest_gain', rest_gain)
         self._limit_gain = positive('limit_gain', limit_gain)
         margin = non_negative_number('margin', margin)
-        self._slope = slope
-        self._slope_gain = non_negative_number('slope_gain', slope_gain)
         self._low = limits.position_min + margin
         self._high = limits.position_max - margin
         self.least_singular_value = np.inf
@@ -142,8 +131,6 @@ class VelocityResolution:
         """
         jacobian = self.kinematics.position_jacobian(q)
         preferred = self._rest_gain * (self._rest - q)
-        if self._slope is not None:
-            preferred = preferred - self._slope_gain * self._slope(q)
         low = self._limit_gain * (self._low - q)
         high = self._limit_gain * (self._high - q)
         dq, self.least_singular_value = resolve_within(

@@ -14,7 +14,6 @@ from aerarm_ros.control.laws.kinematic_control import (
     JointMotionControl,
     VelocityResolution,
 )
-from aerarm_ros.energy.energy_model import EnergyModel, HoldingLoss
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.tool_topics import (
@@ -43,9 +42,6 @@ PARAMETERS = controller_parameters(
         'gain of the null-space motion towards the home configuration, which does not move the '
         'tool', '1/s', 0.0,
         20.0),
-    Parameter('holding_gain', 0.0,
-        'gain of the null-space motion that reduces the holding torque without moving the tool',
-        'rad^2/J', 0.0, 1.0),
     Parameter('limit_gain', 5.0,
         'gain of the motion away from a position limit', '1/s', 0.1, 100.0),
     Parameter('limit_margin', 0.02,
@@ -73,8 +69,6 @@ class KinematicControlNode(ControllerNode):
             values.rest_gain,
             values.limit_gain,
             values.limit_margin,
-            HoldingLoss(EnergyModel(arm.config, arm.robot)).gradient,
-            values.holding_gain,
         )
         scheme = CartesianMotionControl if values.scheme == CARTESIAN else JointMotionControl
         return ControlLoop(arm.limits, self.follower, scheme(self.resolution, values.gain))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,12 @@ from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.hardware.bridge_modes import COMMANDABLE, to_switch_on
 from aerarm_ros.motion.signals import ArmState, JointReference, Reaction
 from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
-from aerarm_ros.ros.controllers.state_node import PlanTopic, StateNode, state_node_parameters
+from aerarm_ros.ros.controllers.state_node import (
+    Attendant,
+    PlanTopic,
+    StateNode,
+    state_node_parameters,
+)
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.requests.arm_client import AT_END_PARAMETERS, ArmAtEnd
@@ -30,19 +35,6 @@ _DISTURBANCE_PERIOD = 10  # answered states
 def controller_parameters(*parameters: Parameter) -> ParameterTable:
     """Return the given parameters together with the parameters that all controllers share."""
     return state_node_parameters(*parameters, *AT_END_PARAMETERS)
-
-
-class Attendant(Protocol):
-    """Object that a controller calls after each command, or instead of a command."""
-
-    def update(self) -> None:
-        """Do work after the controller has sent a command; called in the loop's thread."""
-
-    def give_up(self, reason: str) -> None:
-        """React to a joint state that gets no command; called in the loop's thread."""
-
-    def destroy(self) -> None:
-        """Destroy the ROS entities of this object; called once, when the node ends."""
 
 
 class ControllerNode(StateNode):

@@ -12,6 +12,7 @@ from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_compensation import PayloadCompensation
 from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD
+from aerarm_ros.ros.controllers.state_node import Attendant
 from aerarm_ros.ros.messages import body_of_message
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
@@ -37,12 +38,12 @@ PAYLOAD_COMPENSATION_PARAMETERS = grouped(
 )  # fmt: skip
 
 
-class PayloadIntake:
+class PayloadIntake(Attendant):
     """Adapt the payload in the controller's models gradually to the estimate on topic `payload`.
 
     The payload in the models is the sum of the compensated estimate and the parameter
     `payload.inertial_parameters`. Without new estimates the compensation stays until the arm's
-    torques contradict it (`PayloadCompensation`). A PayloadIntake is an `Attendant`.
+    torques contradict it (`PayloadCompensation`).
 
     Parameters
     ----------
@@ -94,12 +95,6 @@ class PayloadIntake:
         if carried is not before or own is not last:
             self._own = own
             self._arm.carry((carried + own if len(own) else carried).tolist())
-
-    def give_up(self, reason: str) -> None:
-        """Keep the compensated payload while the arm is not controlled."""
-
-    def destroy(self) -> None:
-        """Do nothing, because this object has no ROS entities."""
 
     def describe(self) -> dict[str, object]:
         """Return the mass of the compensated payload, for /diagnostics."""

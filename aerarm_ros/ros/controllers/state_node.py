@@ -47,11 +47,24 @@ _TIMES = np.linspace(0.0, HORIZON, round(HORIZON / _POINT_PERIOD) + 1)
 _SECOND = 1_000_000_000
 
 
-class PlanTopic:
+class Attendant:
+    """Base class of objects that a controller calls after each command, or instead of one."""
+
+    def update(self) -> None:
+        """Do work after the controller has sent a command; called in the loop's thread."""
+        raise NotImplementedError
+
+    def give_up(self, reason: str) -> None:
+        """React to a joint state that gets no command; called in the loop's thread."""
+
+    def destroy(self) -> None:
+        """Destroy entities that do not end with the node; called once, when the node ends."""
+
+
+class PlanTopic(Attendant):
     """Publish the motion that a controller plans for the next 0.1 s, at 100 Hz.
 
-    A PlanTopic is an `Attendant` of a controller. The loop's thread calls `update` after it has
-    sent a command, so the plan does not delay the command.
+    The plan does not delay the command, because it is published after the command.
 
     Parameters
     ----------
@@ -73,7 +86,6 @@ class PlanTopic:
         stamp_ns: Callable[[], int | None],
         ahead: Callable[[NDArray[np.float64]], JointReference | None],
     ) -> None:
-        self._node = node
         self._stamp_ns = stamp_ns
         self._ahead = ahead
         self._published_ns = -_PERIOD_NS
@@ -100,13 +112,6 @@ class PlanTopic:
         for point, q, dq, ddq in zip(message.points, *map(np.ndarray.tolist, plan), strict=True):
             point.positions, point.velocities, point.accelerations = q, dq, ddq
         self._publisher.publish(message)
-
-    def give_up(self, reason: str) -> None:
-        """Do nothing, because no motion is planned while the arm is not controlled."""
-
-    def destroy(self) -> None:
-        """Destroy the publisher."""
-        self._node.destroy_publisher(self._publisher)
 
 
 def state_node_parameters(*parameters: Parameter) -> ParameterTable:

@@ -44,6 +44,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     scalar_or_array,
 )
 from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
+from aerarm_ros.ros.controllers.state_node import Attendant
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.messages import seconds
 
@@ -224,7 +225,7 @@ class TrajectoryController(ControllerNode):
         self.attend(TrajectoryAction(self, action_type))
 
 
-class TrajectoryAction:
+class TrajectoryAction(Attendant):
     """Action server for joint trajectories.
 
     `TrajectoryGoals` starts, watches and ends the goals in the loop's thread. The server answers

@@ -17,6 +17,7 @@ from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.controllers.state_node import Attendant
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.messages import fill, seconds, vector, wrench, wrench_message
 from aerarm_ros.ros.messages import quaternion as quaternion_of
@@ -38,11 +39,10 @@ _POINTS_MAX = 500  # the loop's thread processes them between two states
 _ANY = 0.1  # A shorter quaternion means that no orientation is requested.
 
 
-class WorldTopics:
+class WorldTopics(Attendant):
     """Pass targets to a `WorldToolReference`, and publish the tool's pose and the arm's reach.
 
-    This object is an `Attendant` of the controller: it publishes the pose after the command. The
-    executor's thread computes the reach at 5 Hz.
+    The executor's thread computes the reach at 5 Hz.
 
     Parameters
     ----------
@@ -239,9 +239,6 @@ class WorldTopics:
             self._reference.force.reset()
         if self._request is not None:
             self._request.reset()
-
-    def destroy(self) -> None:
-        """Do nothing, because publishers and subscriptions end with the node."""
 
     # In the executor's thread.
 

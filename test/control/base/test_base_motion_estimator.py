@@ -26,12 +26,6 @@ def test_attitude_turns_gravity() -> None:
     assert not motion.angular_velocity.any()
 
 
-def test_without_attitude_gravity_follows_from_the_specific_force() -> None:
-    estimator = BaseMotionEstimator(GRAVITY, 'full')
-    estimator.offer(sample(0.0, attitude=None, force=[1.0, 0.0, 9.7]), 0.0)
-    np.testing.assert_allclose(estimator.motion(0.0).gravity, [-1.0, 0.0, -9.7])
-
-
 def test_silence_is_held_then_fades_to_the_configured_gravity() -> None:
     estimator = BaseMotionEstimator(GRAVITY, 'attitude', hold_time=0.1, fade_time=0.5)
     tilt = Rotation.from_euler('y', 0.6).as_quat()

@@ -1,13 +1,11 @@
 """The moving-base model, compared with the fixed-base model and the physics engine."""
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.free_base_estimator import FreeBaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.description.robot import load_robot
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
@@ -113,19 +111,6 @@ def test_gravity_torques_hold_the_arm_on_a_responding_base(carried) -> None:
         # The base's answer to a joint acceleration that another torque brings about.
         moved = carried.inverse(q, zero, ddq, free) - carried.fixed.inertia_matrix(q) @ ddq
         np.testing.assert_allclose(carried.gravity(q, free, ddq), moved, atol=1e-9)
-
-
-def test_a_payload_acts_on_joints_and_base() -> None:
-    robot = load_robot()
-    payload = np.zeros(10)
-    payload[0] = 0.2  # a point at the last joint
-    alone, carrying = MovingBaseDynamics(robot), MovingBaseDynamics(robot)
-    carrying.carry(payload)
-    q, zero = np.array([0.1, 0.4, -0.2, 0.3]), np.zeros(4)
-    more = carrying.mount_wrench(q, zero, zero) - alone.mount_wrench(q, zero, zero)
-    np.testing.assert_allclose(more[:3], [0.0, 0.0, 0.2 * 9.81], atol=1e-9)
-    np.testing.assert_allclose(carrying.gravity(q), carrying.fixed.gravity(q), atol=1e-12)
-    assert carrying.composite_inertia(q)[0] == pytest.approx(alone.composite_inertia(q)[0] + 0.2)
 
 
 def test_agrees_with_the_force_in_the_mount_of_a_flying_arm(robot, make_flying_arm) -> None:

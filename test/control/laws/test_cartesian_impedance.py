@@ -94,16 +94,6 @@ def test_the_posture_does_not_push_the_tool(dynamics, kinematics) -> None:
     np.testing.assert_allclose(kinematics.position_jacobian(START) @ ddq, 0.0, atol=1e-4)
 
 
-def test_torques_stay_bounded_at_the_singular_wrist(robot, dynamics, postures) -> None:
-    kinematics = Kinematics(robot, 'wrist')
-    law = CartesianImpedance(dynamics, kinematics, STIFFNESS, DAMPING, START)
-    for q in postures:
-        state = ArmState(q, np.zeros(4), np.zeros(4))
-        reference = still(1.05 * kinematics.position(q))
-        effort = law.update(state, reference, CYCLE).tau
-        assert np.abs(effort - dynamics.fixed.gravity(q)).max() < 30.0
-
-
 def test_on_a_free_base_the_tool_is_the_same_spring(carried, kinematics) -> None:
     """The law includes the effect of the base's response on the tool."""
     law = CartesianImpedance(

@@ -110,3 +110,13 @@ def test_on_a_free_base_it_is_the_torque_that_makes_it_there(carried) -> None:
     command = BoardComputedTorque(carried).update(state, reference, CYCLE, answering_base())
     ddq = joint_acceleration(carried, reference.q, reference.dq, command.tau)
     np.testing.assert_allclose(ddq, reference.ddq, atol=1e-9)
+
+
+def test_the_integral_pushes_toward_the_reference(dynamics) -> None:
+    law = BoardComputedTorque(dynamics, ErrorIntegral(np.full(4, 50.0), np.full(4, 10.0)))
+    reference = JointReference.at_rest(UPRIGHT + [0.1, 0.0, 0.0, 0.0])
+    state = ArmState(UPRIGHT, np.zeros(4), np.zeros(4))
+    first = law.update(state, reference, CYCLE).tau
+    for _ in range(100):
+        last = law.update(state, reference, CYCLE).tau
+    assert last[0] > first[0]

@@ -11,8 +11,6 @@ from aerarm_ros.control.laws.kinematic_control import (
     JointMotionControl,
     VelocityResolution,
 )
-from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.energy.energy_model import EnergyModel, HoldingLoss
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import ArmState, TaskReference
 
@@ -136,22 +134,6 @@ def test_too_fast_a_tool_is_slowed_down_in_its_direction(make_resolution, limits
     assert resolution.slowdown < 1.0
 
 
-def test_the_null_space_motion_decreases_the_objective(make_resolution, robot) -> None:
-    """The loss of holding the weight falls to the least one at this place."""
-    loss = HoldingLoss(EnergyModel(load_arm_config(), robot))
-    resolution = make_resolution(rest_gain=0.0, slope=loss.gradient, slope_gain=1.0)
-    place = resolution.kinematics.position(START)
-    rows = integrate(CartesianMotionControl(resolution, 5.0), still(place), START, 6.0)
-    watts = np.array([loss.watts(q) for q in rows])
-    assert watts[-1] < watts[0]
-    assert np.all(np.diff(watts) < 1e-6)
-    end = rows[-1]
-    np.testing.assert_allclose(resolution.kinematics.position(end), place, atol=1e-3)
-    null = np.linalg.svd(resolution.kinematics.position_jacobian(end))[2][-1]
-    start_null = np.linalg.svd(resolution.kinematics.position_jacobian(START))[2][-1]
-    assert abs(loss.gradient(end) @ null) < 0.1 * abs(loss.gradient(START) @ start_null)
-
-
 def test_equals_the_pseudo_inverse_away_from_singularities(robot, postures) -> None:
     kinematics = Kinematics(robot, 'tool0')
     inverse = DampedInverse(threshold=0.01, damping=0.01)
@@ -178,15 +160,3 @@ def test_is_bounded_at_the_wrist_which_is_singular_everywhere(robot, postures) -
         reachable = jacobian @ np.array([0.3, -0.2, 0.0, 0.0])
         if np.linalg.svd(jacobian)[1][1] > 0.08:
             np.testing.assert_allclose(jacobian @ result.inverse @ reachable, reachable, atol=1e-9)
-
-
-def test_damping_grows_toward_the_singularity(robot) -> None:
-    inverse = DampedInverse(threshold=0.1, damping=0.05)
-    losses = []
-    for value in (0.2, 0.1, 0.08, 0.05, 0.02, 0.0):
-        result = inverse.of(np.diag([1.0, 0.7, value]))
-        losses.append(1.0 - value * result.inverse[2, 2])
-        assert result.inverse[0, 0] == pytest.approx(1.0)
-    assert losses[:2] == pytest.approx([0.0, 0.0])
-    assert np.all(np.diff(losses) >= 0.0)
-    assert losses[-1] == 1.0

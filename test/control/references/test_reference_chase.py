@@ -112,18 +112,6 @@ def streamed(found: ReferenceChase | None) -> TrajectoryFollower:
     return follower
 
 
-def test_a_follower_lags_behind_a_fast_stream_and_arrives() -> None:
-    wanted = sines(0.499, 0.3, 0.8).q
-    assert streamed(None).reference.q == pytest.approx(wanted, abs=5e-3)
-    follower = streamed(chase())
-    assert np.abs(follower.reference.q - wanted).max() > 0.1
-    assert follower.status == 'streaming', 'no point was rejected for the lag'
-    for cycle in range(500, 4000):
-        follower.update(follower.reference.q, CYCLE * cycle, CYCLE)
-    assert not follower.moves
-    assert follower.status == 'holding'
-
-
 def test_a_stop_begins_where_the_lagging_arm_is() -> None:
     follower = streamed(chase())
     before = follower.reference

@@ -178,13 +178,6 @@ def test_an_arm_that_is_not_controlled_any_more_aborts_the_goal_with_the_reason(
 OWN = FollowerTolerances.uniform(4, path=0.3, goal=0.01, goal_time=1.0)
 
 
-def test_missing_tolerances_are_those_of_the_follower() -> None:
-    used = resolve_tolerances(OWN, NAMES, [('joint2', 0.0)], [], 0.0)
-    np.testing.assert_array_equal(used.path, OWN.path)
-    np.testing.assert_array_equal(used.goal, OWN.goal)
-    assert used.goal_time == OWN.goal_time
-
-
 def test_each_joint_has_its_own_tolerance_and_minus_one_disables_it() -> None:
     used = resolve_tolerances(
         OWN, NAMES, [('joint3', 0.1)], [('joint1', -1.0), ('joint4', 0.5)], -1.0

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,8 @@ def execute_trajectories(bench: ControllerBench, feedback: str, goal: list[float
             return np.array(plan.points[-1].positions)
 
         bench.wait(lambda: np.abs(planned() - goal).max() < 1e-9, 'a plan to stay there')
+        if find_spec('control_msgs') is None:
+            assert 'control_msgs is not installed, so the action' in process.tail(50)
         if feedback == 'boards':
             return
         for reason, message in (

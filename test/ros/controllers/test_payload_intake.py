@@ -78,19 +78,6 @@ def test_the_model_carries_it_on_top_of_its_own_payload() -> None:
     assert not rig.intake.problem
 
 
-def test_its_torque_never_steps() -> None:
-    rig = IntakeRig(1.0)
-    grasped(rig)
-    rig.offer(0.2)
-    torques = []
-    for _ in range(1500):
-        rig.wait(1e-3)
-        torques.append(rig.model.gravity(Q).copy())
-    steps = np.abs(np.diff(torques, axis=0)).max()
-    assert 0.0 < steps < 0.01
-    assert np.ptp(torques, axis=0).max() > 1.0
-
-
 def test_a_wrong_payload_is_withdrawn_and_reported() -> None:
     rig = IntakeRig(1.0)
     rig.offer(0.2)

@@ -136,16 +136,6 @@ def test_a_push_is_published_and_missing_inputs_are_named(make_node) -> None:
     assert node.warning().startswith('contact_wrench: no good odometry for')
 
 
-def test_without_drone_file_no_wrench_is_published(make_node) -> None:
-    node = make_node(BaseReactionNode)
-    drone = HoveringDrone(node)
-    for _ in range(50):
-        drone.step()
-    assert not drone.wrenches
-    assert 'set drone_file' in node.describe()['contact']
-    assert node.warning() == ''
-
-
 def test_nothing_is_published_before_the_joints_are_homed(
     make_node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
