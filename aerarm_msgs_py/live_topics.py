@@ -1,6 +1,7 @@
 """Receiver of serialized messages, with loss counters."""
 
 import ctypes
+from importlib.metadata import version
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -31,6 +32,14 @@ class _ByteArray(ctypes.Structure):
         ('capacity', ctypes.c_size_t),
         ('allocator', _Allocator),
     ]
+
+
+_RCLPY = version('rclpy')
+if not _RCLPY.startswith('7.1.'):
+    raise ImportError(
+        f'rclpy {_RCLPY} is installed, but this module uses C structs of rclpy 7.1: source the '
+        'setup.bash of ROS 2 Jazzy'
+    )
 
 
 class _MessageInfo(ctypes.Structure):
