@@ -152,16 +152,9 @@ class RawReader:
         Whether to read the publisher of each message. This is slower, but gives the exact number of
         lost messages if a topic has several publishers. The info then has `publisher`, an
         identifier of 16 bytes.
-
-    Raises
-    ------
-    ValueError
-        If no topic is given.
     """
 
     def __init__(self, node: Node, *topics: Topic, identify: bool = False) -> None:
-        if not topics:
-            raise ValueError('a RawReader needs at least one topic: pass a Topic')
         self.topics = topics
         self._node = node
         self._keeps_one = [topic.qos.depth == 1 for topic in topics]

@@ -73,6 +73,7 @@ def test_messages_are_put_in_order_of_reception(tmp_path: Path) -> None:
     with BagWriter(tmp_path / 'bag', [STRING]) as writer:
         for log_time in log_times:
             writer.write(RecordedMessage(0, b'', log_time, 0, 0))
+    writer.close()  # again, which does nothing
     with (tmp_path / 'bag' / 'bag_0.mcap').open('rb') as stream:
         found = make_reader(stream).iter_messages(log_time_order=False)
         assert [message.log_time for _, _, message in found] == sorted(log_times)

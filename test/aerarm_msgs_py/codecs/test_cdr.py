@@ -91,6 +91,8 @@ def test_arrays_of_another_layout_are_not_decoded() -> None:
     assert cdr.unpack(b'\0\0' + cdr.pack([1, 2, 3])[2:]) is None
     with pytest.raises(ValueError, match='3 numbers'):
         cdr.pack([1.0])
+    with pytest.raises(ValueError, match='at least one'):
+        Float64ArrayCdr(0)
 
 
 def test_messages_of_a_buffer_one_by_one_and_as_rows() -> None:
