@@ -166,3 +166,28 @@ def test_a_silent_estimator_reports_nothing() -> None:
     assert arm.reaction.is_silent(arm.now + 0.6)
     arm.reaction.update(arm.q, arm.now + 0.6)
     assert not arm.reaction.in_contact
+
+
+def test_a_reaction_lasts_as_long_as_its_contact_even_if_another_is_set() -> None:
+    arm = Moving(Reaction.STOP)
+    arm.run(0.5)
+    arm.run(0.1, contact=True)
+    arm.reaction.reaction = Reaction.REPORT
+    arm.run(0.1, contact=True)
+    assert arm.loop.touched
+    arm.run(0.01)
+    assert not arm.loop.touched
+    arm.run(0.01, contact=True)
+    assert not arm.loop.touched
+
+
+def test_a_contact_while_the_arm_brakes_makes_it_retreat() -> None:
+    arm = Moving(Reaction.RETREAT)
+    arm.run(1.0)
+    arm.follower.stop(arm.now, 'stopped: request')
+    arm.run(0.02)
+    assert np.linalg.norm(arm.dq) > 0.1
+    earlier = arm.past[-200]
+    arm.run(1.0, contact=True)
+    np.testing.assert_allclose(arm.q, earlier, atol=0.02)
+    assert arm.reaction.count == 1

@@ -200,3 +200,29 @@ def test_taking_over_a_resting_arm_is_not_taken_for_a_stuck_encoder(make_rig, ro
     rig.inject('stuck_encoder', board=0, motor=1)  # the joint rests, as friction may hold it
     rig.run(0.3, lambda now: (None, None, load))
     assert rig.bridge.mode == 'running', rig.bridge.faults
+
+
+def test_while_a_board_is_silent_the_others_go_on_damping(rig):
+    rig.inject('dead_board', 1)
+    rig.run(0.1)
+    answer = rig.bridge.clear_fault()
+    assert not answer.accepted
+    assert 'no answer from board1: disable the arm first' in answer.message
+    rig.run(0.1)
+    assert rig.boards.boards[0].system_enabled
+    rig.bridge.disable()
+    assert rig.bridge.clear_fault().accepted
+    rig.run(0.05)
+    assert rig.bridge.mode == 'disconnected'
+    assert not rig.boards.boards[0].system_enabled
+
+
+def test_a_transient_bus_fault_is_cleared_to_a_held_arm(rig):
+    rig.inject('lost_frames', 0, value=1.0)
+    rig.run(0.015)
+    rig.inject('lost_frames', 0, value=0.0)
+    rig.run(0.05)
+    assert rig.bridge.mode == 'fault'
+    assert rig.bridge.clear_fault().accepted
+    rig.run(0.05)
+    assert rig.bridge.mode == 'ready'

@@ -182,3 +182,8 @@ def test_the_recovery_hint_names_switches_and_homing_only_where_they_are_needed(
     by_hand = 'move the arm by hand to its home configuration'
     lost = recovery_hint(False, zero_unknown=True)
     assert lost.endswith(f"{by_hand}, 'arm clear_fault', 'arm home'")
+
+
+def test_after_clear_fault_an_intact_arm_is_held_in_place(rig) -> None:
+    stopped_by_hand(rig)
+    assert rig.bridge.recovery_hint(False) == rig.bridge.recovery_hint(True) == "'arm clear_fault'"

@@ -9,6 +9,7 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification import identify as identification
+from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
@@ -127,3 +128,45 @@ def test_rotors_that_a_sensor_behind_the_gear_does_not_feel(
         assert solution.estimate.model == found.fit.model
     assert found.recommended.estimate.physically_consistent
     assert any('Ja_joint3' in text and 'behind the gears' in text for text in found.warnings)
+
+
+def run(
+    robot: Robot, config: ArmConfig, bag: Recording, validation: list[Recording], friction: str
+) -> IdentificationResult:
+    options = IdentificationOptions(friction=friction)
+    return identify(robot, config, [bag], validation, options, Stopwatch())
+
+
+def test_identified_beats_cad_and_is_physical(result: IdentificationResult) -> None:
+    cad, sdp = result.solutions['cad'], result.recommended
+    assert sdp.estimate.physically_consistent
+    assert sdp.estimate.min_pseudo_inertia_eigenvalue > 0.0
+    assert sdp.validation[0].filtered < 0.2 * cad.validation[0].filtered
+    assert np.all(sdp.estimate.std > 0.0)
+    assert np.all((sdp.estimate.determined >= 0.0) & (sdp.estimate.determined <= 1.0))
+
+
+def test_a_bag_without_velocities_does_as_well(
+    arm, robot: Robot, config: ArmConfig, result: IdentificationResult
+) -> None:
+    bag = replace(arm.recording(1, noise=1.0), dq=None)
+    without = run(robot, config, bag, [], 'coulomb')
+    assert without.filter_choice.kinematics.from_position
+    assert without.recommended.identification[0].filtered < 1.2 * (
+        result.recommended.identification[0].filtered + 0.1
+    )
+
+
+def test_same_input_same_bits(arm, robot: Robot, config: ArmConfig) -> None:
+    bag = arm.recording(1, noise=1.0)
+    first, second = (run(robot, config, bag, [], 'auto') for _ in range(2))
+    assert first.fit.model == second.fit.model
+    for name, solution in first.solutions.items():
+        assert np.array_equal(solution.estimate.theta, second.solutions[name].estimate.theta)
+
+
+def test_too_little_motion_is_refused(arm, robot: Robot, config: ArmConfig) -> None:
+    bag = arm.recording(1)
+    short = bag.part(0.4, 0.4 + 1.5 / bag.duration, '')
+    with pytest.raises(IdentificationError, match='too short'):
+        run(robot, config, short, [], 'coulomb')

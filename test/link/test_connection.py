@@ -6,7 +6,7 @@ from math import inf
 import pytest
 from bad_link import KEY, TICK, Link
 
-from aerarm_ros.link.connection import BULK, MESSAGE_MAX, URGENT, Connection
+from aerarm_ros.link.connection import BULK, MESSAGE_MAX, PROMPT, URGENT, Connection
 
 
 @pytest.fixture(params=[0.0, 0.05, 0.2], ids=lambda loss: f'{loss:.0%} loss')
@@ -281,3 +281,25 @@ def test_commands_pass_again_after_the_delay_has_risen_for_good() -> None:
         link.run(3.0)
     assert link.payloads('drone') == [b'go'] * 5
     assert link.drone.delay < 0.02
+
+
+def test_a_command_that_waited_in_a_queue_of_the_radio_is_not_taken() -> None:
+    link = Link()
+    link.run(2.0)
+    link.delay = 3.0
+    link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    link.run(10.0)
+    assert link.payloads('drone') == []
+
+
+def test_old_datagrams_do_not_shift_the_clock_of_the_other_end() -> None:
+    link = Link()
+    link.run(5.0)
+    link.is_cut = True
+    link.run(61.0)
+    link.is_cut = False
+    link.delay = 3.0
+    link.run(3.1)
+    assert link.drone.last_received > link.clocks('drone')[0] - 0.2
+    assert link.drone.clock_offset == pytest.approx(0.0, abs=6e-3)
+    assert link.drone.delay == pytest.approx(3.0, abs=0.02)

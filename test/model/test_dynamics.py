@@ -177,3 +177,10 @@ def test_no_direction_of_gravity_causes_a_larger_torque() -> None:
 def test_a_wrong_rotor_inertia_is_refused(arm: Robot, rotor: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Dynamics(arm, rotor)  # type: ignore[arg-type]
+
+
+def test_kinetic_energy_includes_the_rotors(dynamics: Dynamics, samples: np.ndarray) -> None:
+    for q, dq, _ in samples:
+        links = Dynamics(dynamics.robot).kinetic_energy(q, dq)
+        rotors = 0.5 * float(np.sum(dynamics.rotor_inertia * dq**2))
+        assert dynamics.kinetic_energy(q, dq) == pytest.approx(links + rotors)

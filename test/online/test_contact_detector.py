@@ -292,3 +292,77 @@ def test_lost_states_do_not_raise_the_thresholds(free: CarryingRun, bound: Resid
 def test_too_little_free_motion_is_rejected(free: CarryingRun) -> None:
     with pytest.raises(IdentificationError, match='too few to learn thresholds'):
         learnt(free, recording(free, 0.7, 1.0))
+
+
+def test_a_payload_is_reported_as_one_and_then_subtracted(
+    loaded: CarryingRun, bound: ResidualBound
+) -> None:
+    found = play(detector(loaded, bound), recording(loaded, 0.7, 7.5))
+    event = found.events[-1]
+    assert event.cause is Cause.PAYLOAD
+    assert event.begin > loaded.pick_up
+    assert found.event is None
+    assert found.payload_mass == pytest.approx(0.2, rel=0.25)
+
+
+def test_at_rest_drive_noise_is_no_contact(run: CarryingRun, quiet: ContactDetector) -> None:
+    assert play(quiet, at_rest(run, 0.0)).events == []
+
+
+def test_the_contact_with_a_clamped_person_lasts(run: CarryingRun, quiet: ContactDetector) -> None:
+    (event,) = play(quiet, clamped(at_rest(run, 0.6))).events
+    assert np.isnan(event.end)
+
+
+def moved(motion: Recording, run: CarryingRun, begin: float) -> Recording:
+    """Return a rest that continues in another posture after `begin` [s], with friction reversed."""
+    after = motion.time >= begin
+    dynamics, dry = ExternalTorque(known_arm(run), GAIN).dynamics, known_arm(run).friction[1]
+    q, tau = motion.q.copy(), motion.tau.copy()
+    before, q[after] = q[0], q[after] + 0.1
+    tau[after] += dynamics.gravity(q[-1]) - dynamics.gravity(before) - 0.6 * dry
+    return replace(motion, q=q, tau=tau)
+
+
+def test_saturation_while_the_posture_changes_is_no_contact(
+    run: CarryingRun, bound: ResidualBound
+) -> None:
+    motion = moved(at_rest(run, 0.0), run, 2.0)
+    limit = np.full(4, 50.0)
+    motion.tau[(motion.time > 1.5) & (motion.time < 2.4)] = limit
+    found = ContactDetector(ExternalTorque(known_arm(run), GAIN), bound, SMALL, limit)
+    assert play(found, motion).events == []
+
+
+def test_a_declared_payload_widens_the_thresholds(
+    loaded: CarryingRun, bound: ResidualBound
+) -> None:
+    """Torque constants and friction are less accurate under load."""
+    bare, carrying = detector(loaded, bound), detector(loaded, bound)
+    carrying.carry(loaded.payload)
+    motion = recording(loaded, loaded.pick_up, 4.0)
+    assert motion.dq is not None
+    for time, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
+        state = ArmState(q, dq, tau)
+        reports = [found.update(state, float(time)) for found in (bare, carrying)]
+    low, high = (report.threshold for report in reports if report is not None)
+    assert (high - low).max() > 0.01
+
+
+def test_after_a_short_gap_a_push_is_contact_and_after_a_long_one_it_may_be_a_load(
+    run: CarryingRun, bound: ResidualBound
+) -> None:
+    motion = TOUCH.added(run, recording(run, 0.7, run.pick_up))
+    kept = (motion.time < TOUCH.begin - 0.1) | (motion.time > TOUCH.begin + 0.1)
+    for pause, cause in ((0.0, Cause.CONTACT), (5.0, Cause.MODEL)):
+        later = motion.time + np.where(motion.time > TOUCH.begin, pause, 0.0)
+        events = play(detector(run, bound), thinned(replace(motion, time=later), kept)).events
+        assert [event.cause for event in events] == [cause]
+
+
+def test_lost_states_and_gaps_find_nothing(run: CarryingRun, bound: ResidualBound) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    tau = motion.tau.copy()
+    tau[::7] = np.nan
+    time = motion.time + np.where(np.arange(len(motion.time)) > 900, 3.0, 0.0)
+    assert play(detector(run, bound), replace(motion, tau=tau, time=time)).events == []

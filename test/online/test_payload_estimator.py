@@ -232,3 +232,7 @@ def test_a_lasting_error_is_found() -> None:
     assert [change.update(9.0 * 3.0) for _ in range(3)] == [False, False, True]
     change.reset()
     assert not change.update(27.0)
+
+
+def test_every_estimate_is_physically_consistent(estimates: list[OnlineEstimate]) -> None:
+    assert min(minimum_eigenvalue(estimate.payload.inertial) for estimate in estimates) > 0.0

@@ -1,6 +1,7 @@
 """The base's pose with late, noisy, silent, frozen, repeated or jumping odometry."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -268,3 +269,29 @@ def test_sensors_that_hold_the_tool_poorly_are_named() -> None:
     for _ in feed.run(8.0):
         pass
     assert 'bias of the gyroscope' in feed.estimator.warning()
+
+
+def test_a_clock_of_its_own_is_compared_by_the_imu() -> None:
+    feed = Feed()
+    feed.clock = 1000.0
+    feed.change = lambda sample: [
+        OdometrySample(sample.stamp + 1000.0, *list(vars(sample).values())[1:])
+    ]
+    feed.settle()
+    assert feed.errors(1.0).max() < 2e-3
+
+
+def test_a_slow_imu_that_loses_samples_does_no_harm() -> None:
+    random = np.random.default_rng(0)
+    for _ in range(100):
+        estimator = BasePoseEstimator(FRAMES)
+        events = [(0.04 * k, 0.024, True) for k in range(40) if random.random() > 0.2]
+        events += [(0.02 * k, 0.077, False) for k in range(80) if random.random() > 0.2]
+        for stamp, late, is_imu in sorted(events, key=lambda event: event[0] + event[1]):
+            now = stamp + late + 0.005 * random.random()
+            if is_imu:
+                estimator.offer_imu(imu(stamp), now)
+            else:
+                with suppress(RejectedInputError):
+                    estimator.offer_odometry(odometry(stamp), now)
+        assert np.isfinite(estimator.pose(now).position).all()

@@ -153,3 +153,15 @@ def test_a_goal_is_checked_as_it_would_begin_and_changes_nothing(follower) -> No
     with pytest.raises(RejectedInputError, match=r'a velocity, joint4 0\.5 rad/s \(limit 0\.005\)'):
         follower.check_goal(JointTrajectory(follower.limits, NAMES, [2.0], [AWAY], moving), 1.0)
     assert (follower.motion, follower.status) == before
+
+
+def test_a_newer_trajectory_replaces_the_running_one_smoothly(follower, limits) -> None:
+    first = JointTrajectory(limits, NAMES, [1.0], [AWAY])
+    second = JointTrajectory(limits, NAMES, [1.5], [HOME])
+    events = {
+        0: lambda now: follower.follow(first, now),
+        500: lambda now: follower.follow(second, now),
+    }
+    rows = play(follower, 2.5, events=events)
+    assert_continuous(rows, limits)
+    np.testing.assert_allclose(rows[-1, 0], HOME, atol=1e-9)

@@ -173,3 +173,10 @@ def test_impossible_centres_are_dropped_first(result: IdentificationResult) -> N
 def test_wrong_masses_are_refused(masses: tuple[float, float]) -> None:
     with pytest.raises(IdentificationError, match='total mass'):
         LinkBounds(masses)
+
+
+def test_the_unit_of_length_does_not_matter(system_of, factor, prior, limits) -> None:
+    system = system_of(1.3 * prior.mean)
+    other = replace(limits, size=3.0 * limits.size)
+    first, second = (solve_entropic(system, prior, each) for each in (limits, other))
+    assert np.linalg.norm(factor @ (first - second)) < 1e-4 * np.linalg.norm(factor @ first)

@@ -356,3 +356,23 @@ def test_an_invalid_request_is_rejected(
         assert link.drone._process is None
         assert link.drone._served == {}
     assert not list(tmp_path.glob('x*'))
+
+
+def test_recorded_datagrams_start_nothing(
+    link: LinkedRecordings, client: Node, tmp_path: Path
+) -> None:
+    make_bag(tmp_path, blocks=20)
+    request(client, tmp_path / 'here').fetch()
+    with link.lock:
+        recorded = list(link.spy)
+        link.restart_drone()
+        link.restart_ground()
+        for side, datagram in recorded:
+            link.receive(side, datagram)
+        assert link.drone._served == {}
+    time.sleep(0.3)
+    with link.lock:
+        for side, datagram in recorded:
+            link.receive(side, datagram)
+        assert link.to_ground.peers == link.to_drone.peers == 1
+        assert link.drone._served == {}

@@ -320,3 +320,21 @@ def test_a_service_named_e_stop_of_another_type_is_an_ordinary_call(relay: Relay
     assert relay.drone._stops == {}
     relay.steps(30)
     assert came == [True]
+
+
+def test_a_delivered_call_without_an_answer_is_reported(pair: Pair) -> None:
+    relay = Relay(pair)
+    silent = pair.drone.relay.create_service(  # no executor runs this node
+        SetBool, '/slow/set', lambda _, response: response
+    )
+    client = relay.client('/slow/set', SetBool)
+    answer = client.call_async(SetBool.Request())
+    for _ in range(10):
+        relay.step()
+    assert not answer.done()
+    pair.now += ANSWER_TIMEOUT
+    pair.until(lambda: relay.step() and answer.done())
+    assert not answer.result().success
+    assert 'has not answered within 30 s' in answer.result().message
+    assert relay.log == [f'/slow/set: {answer.result().message}']
+    pair.drone.relay.destroy_service(silent)
