@@ -8,6 +8,7 @@ from aerarm_ros.commissioning.commissioning_record import (
     CommissioningRecord,
     JointRecord,
     load_record,
+    record_path,
 )
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.config_reader import ConfigError
@@ -38,6 +39,7 @@ def test_a_record_is_read_as_it_was_written(path):
     record.save(path)
     loaded = load_record(path)
     assert loaded == replace(record, joints=loaded.joints)
+    assert record_path(path.with_name('arm.yaml')) == path
     for name, entry in record.joints.items():
         read = loaded.joints[name]
         assert (read.date, read.findings) == (NOW, entry.findings)

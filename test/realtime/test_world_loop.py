@@ -69,6 +69,7 @@ def test_the_loop_stops_while_it_is_held_and_continues_from_an_earlier_time() ->
         WorldLoop(0.0, lambda: True)
     loop = WorldLoop(1e-3, lambda: bool(loop.stop()))
     loop.run(lambda *_: pytest.fail('a cycle after the stop'))
+    assert loop.is_stopped
     assert loop.account() == 'no cycle has run yet'
     loop = WorldLoop(2e-3, lambda: True, False, start_ns=7)
     assert run(loop, 3)[0] == grid(3, 7)
