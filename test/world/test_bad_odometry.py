@@ -68,19 +68,3 @@ def test_the_tool_follows_a_jump_of_the_odometry_slowly(
     assert speed.max() < 0.2
     assert flown.pose.jumps == jumps + 1
     assert np.linalg.norm(flown.tool() - (target - moved)) < tolerance
-
-
-def test_a_stream_of_targets_does_not_speed_up_the_return_after_a_jump(
-    flown: HoldingFlight,
-) -> None:
-    goal, shift = flown.source.goal, np.array([0.0, 0.06, 0.0])
-    flown.tell = lambda sample: [replace(sample, position=sample.position + shift)]
-    places = [flown.tool()]
-    for _ in range(100):
-        flown.source.go_to(goal, flown.now)
-        flown.run(0.01)
-        places.append(flown.tool())
-    speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.01
-    assert flown.pose.jumps == 1
-    assert speed.max() < 0.2
-    assert np.linalg.norm(flown.tool() - (places[0] - shift)) < 0.02
