@@ -105,8 +105,8 @@ lint: develop
 
 # Tests of pure modules: no process, no ROS, none that takes seconds.
 QUICK := $(addprefix test/,description model motion simulation energy planner realtime pages parallel draft commissioning \
-	autopilot excitation control contact hardware/gate hardware/frames hardware/boards architecture/test_imports.py docs/test_prose.py)
-SLOW := $(addprefix --ignore=test/,control/base/test_free_base_estimator.py excitation/design/test_trajectory_designer.py)
+	autopilot excitation control hardware/gate hardware/frames hardware/boards architecture/test_imports.py docs/test_prose.py)
+SLOW := $(addprefix --ignore=test/,control/base/test_free_base_estimator.py excitation/test_trajectory_designer.py)
 
 check: develop
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint quick
