@@ -253,7 +253,7 @@ class Bag:
         self._files = [_opened(file, self.budget) for file in paths]
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages in blocks of about a megabyte.
+        """Yield the messages in blocks; a block is at most one MCAP chunk.
 
         `topics` selects the topics; None selects all. If the bag states more messages than the
         reader finds, a warning states the difference.

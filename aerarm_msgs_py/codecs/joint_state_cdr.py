@@ -150,7 +150,8 @@ class JointStateCdr:
 
     Position, velocity and effort may each be empty or have one number per joint, which gives eight
     layouts. If a message has other names, another order, frame, length or byte order, `unpack`
-    returns None, and the caller must use `decode_joint_state`.
+    returns None, and the caller must use `decode_joint_state`, or `decode_as_sent` if it checks
+    the lengths itself.
 
     Parameters
     ----------

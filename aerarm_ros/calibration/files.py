@@ -16,10 +16,11 @@ from aerarm_ros.calibration.fit import Fit
 from aerarm_ros.calibration.geometry import KINDS, LINK_GEOMETRY, error_transform
 from aerarm_ros.calibration.observations import MarkerSource, base_pose
 from aerarm_ros.description.config_reader import read_yaml, yaml_text
-from aerarm_ros.description.urdf_document import CALIBRATED, numbers_text
+from aerarm_ros.description.urdf_document import numbers_text
 from aerarm_ros.identification.files.identified_robot import before_root
 from aerarm_ros.motion.signals import Array
 
+_CALIBRATED = 'calibrated geometry'  # text in the first comment of a calibrated URDF
 _HEADER = """\
 # Calibrated geometry. SI units; each estimate is [value, standard deviation].
 # offsets: added to the recorded joint positions. geometry: displacement x, y, z and rotation
@@ -57,9 +58,9 @@ def calibrated_urdf(calibration: Calibration, with_offsets: bool) -> str:
     written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
     after = calibration.errors(fit)[0]
     note = (
-        f'<!-- {CALIBRATED}: {calibration.best.name}, RMS position error {1e3 * after:.3g} mm -->'
+        f'<!-- {_CALIBRATED}: {calibration.best.name}, RMS position error {1e3 * after:.3g} mm -->'
     )
-    before = ''.join(line for line in before_root(text).splitlines(True) if CALIBRATED not in line)
+    before = ''.join(line for line in before_root(text).splitlines(True) if _CALIBRATED not in line)
     return f'{before}{note}\n{written}\n'
 
 

@@ -20,8 +20,6 @@ DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD = 'damping_beside_load', 'friction_bes
 
 For other programs, `damping` and `friction` include this part at a typical load.
 """
-CALIBRATED = 'calibrated geometry'
-"""Text in the first comment of a URDF, by which the URDF is recognized as calibrated."""
 LARGEST = 2**24
 """Largest number of characters of a URDF."""
 

@@ -16,7 +16,7 @@ from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 from aerarm_ros.hardware.boards.homing import EncoderZeros, ZeroSearch
 from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroRecall
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
-from aerarm_ros.hardware.bridge_modes import Answer, to_switch_on
+from aerarm_ros.hardware.bridge_modes import COMMANDABLE, Answer, to_switch_on
 from aerarm_ros.hardware.fault_watch import FaultWatch, LoadWatch
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
@@ -201,9 +201,9 @@ class BridgeCycle:
     def command(self, offered: OfferedCommand, now: float) -> bool:
         """Process a joint command received at `now` [s], on the monotonic clock of `update`.
 
-        Returns False if the command was rejected; `rejections` counts the reason.
+        Returns False if the command was rejected; `intake.rejections` counts the reason.
         """
-        ready = self.mode in ('ready', 'running', 'damping')
+        ready = self.mode in COMMANDABLE
         return self.intake.offer(offered, now, ready=ready)
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
@@ -296,7 +296,7 @@ class BridgeCycle:
         The arm must be in its home configuration. Motors that are off are aligned first.
         """
         state, zeros = self.state, self.zeros
-        is_held = self.mode in ('ready', 'running', 'damping')
+        is_held = self.mode in COMMANDABLE
         if not is_held and self._enabled:
             return Answer(False, f'the arm is {self.mode}, but homing needs ready or idle')
         refusal = '' if is_held else self.probe.refusal or self._watch.refusal(driven=False)

@@ -507,6 +507,6 @@ class HeatWatch:
             if not link.fresh:
                 continue
             for _, channel in link.joints:
-                supply.update(link.state.bus_voltage[channel], elapsed)
+                supply.update(link.state.bus_voltage[channel], elapsed / len(link.joints))
             if enabled and supply.stop():
                 self._gate.trip(supply.stop())

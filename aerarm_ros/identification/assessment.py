@@ -173,20 +173,3 @@ def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
     known = np.isfinite(size)
     whole = max(float(np.linalg.norm(size[known])), _SMALLEST)
     return 100.0 * float(np.linalg.norm(difference[known])) / whole, per_joint
-
-
-def weighted_line(x: Array, values: Array, std: Array) -> tuple[float, float, float]:
-    """Return the value at the mean of `x`, the slope, and the slope's standard deviation.
-
-    The line fits values (K,) by least squares weighted by their standard deviations. If the values
-    scatter more than that, their scatter determines the standard deviation.
-    """
-    weight = 1.0 / std**2
-    centre, mean = (float(weight @ each / weight.sum()) for each in (x, values))
-    since = x - centre
-    moment = float(weight @ since**2)
-    slope = float(weight @ (since * (values - mean)) / moment)
-    left = values - mean - slope * since
-    scatter = float(weight @ left**2) / max(len(x) - 2, 1)
-    deviation = float(np.sqrt(max(scatter, 1.0) / moment))
-    return mean + slope * (float(x.mean()) - centre), slope, deviation

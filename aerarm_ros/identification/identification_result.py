@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +22,6 @@ from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED
-
-if TYPE_CHECKING:  # only for type annotations
-    pass
 
 # a parameter with a smaller fraction of information from data counts as determined by the prior
 _UNKNOWN = 0.01

@@ -265,8 +265,10 @@ def identify(
         conditioner = Conditioner(identification, options.conditioning)
         motion = _prepared(level, conditioner, identification, cad, options)
         robot, choice = motion.robot, motion.choice
-        held_out = [
-            condition_once(Regressor(robot), choice.conditioner, recording, choice.kinematics, True)
+        validation_bags = [
+            condition_once(
+                Regressor(robot), choice.conditioner, recording, choice.kinematics, predicted=True
+            )
             for recording in validation
         ]
     bags = choice.bags
@@ -276,23 +278,25 @@ def identify(
     with stopwatch.stage('solvers'):
         fit, estimates, left_out, held = _solved(fit, cad, bags, options)
     with stopwatch.stage('regression'):
-        thesis_base, used_base = _bases(fit, bags, motion.level_bags)
+        thesis_base, used_base = _bases(fit, bags, motion.stated_bags)
         warnings = [text for bag in (*identification, *validation) for text in bag.warnings]
         warnings += conditioner.warnings + excitation_warnings(thesis_base, level)
     with stopwatch.stage('assessment'):
         solutions = {
-            name: Solution(estimate, assess(estimate, bags), assess(estimate, held_out))
+            name: Solution(estimate, assess(estimate, bags), assess(estimate, validation_bags))
             for name, estimate in estimates.items()
         }
         recommended, names = solutions[RECOMMENDED], fit.model.joint_names
-        errors = find_input_errors(level.robot, motion.level_bags, cad)
+        errors = find_input_errors(level.robot, motion.stated_bags, cad)
         warnings += errors
         warnings += recommended.estimate.notes
         warnings += error_warnings(solutions, bags, cad, names)
         warnings += joint_warnings(recommended, names) + held
         if not errors:
             warnings += coupling_warnings(recommended, bags, names)
-        demands = [[bag_demand(fit, bags, bag) for bag in group] for group in (bags, held_out)]
+        demands = [
+            [bag_demand(fit, bags, bag) for bag in group] for group in (bags, validation_bags)
+        ]
         warnings += extrapolation_warnings(fit, *demands)
     return IdentificationResult(
         robot=robot,
@@ -301,7 +305,7 @@ def identify(
         gravity=motion.gravity,
         delay=motion.delay,
         filter_choice=choice,
-        validation=held_out,
+        validation=validation_bags,
         thesis_base=thesis_base,
         used_base=used_base,
         fit=fit,
@@ -315,11 +319,11 @@ def identify(
 
 @dataclass(frozen=True, eq=False)
 class _PreparedBags:
-    """Filtered bags with estimated gravity and delays; `level_bags` have the stated gravity."""
+    """Filtered bags with estimated gravity and delays; `stated_bags` have the stated gravity."""
 
     robot: Robot
     choice: FilterChoice
-    level_bags: list[SampleColumns]
+    stated_bags: list[SampleColumns]
     gravity: GravityDirection | None
     delay: EffortDelay | None
 
@@ -334,22 +338,22 @@ def _prepared(
     """Choose the filter, then estimate the direction of gravity and the signal delays."""
     robot, gravity, delay = level.robot, None, None
     choice = choose_filter(level, conditioner, identification)
-    level_bags = choice.bags
+    stated_bags = choice.bags
     if options.tilt:
-        gravity = find_gravity(robot, level_bags, cad)
+        gravity = find_gravity(robot, stated_bags, cad)
         robot = robot.with_gravity(gravity.used)
     regressor = Regressor(robot)
     if gravity is not None and gravity.tilt > 0.0:
         choice = choose_filter(regressor, conditioner, identification)
     if not options.conditioning.exact_stamps:
         late = choice.has_late_velocities
-        in_time = choice.excerpts(regressor, identification, True) if late else None
+        in_time = choice.excerpts(regressor, identification, in_time=True) if late else None
         delay = find_effort_delay(choice.excerpts(regressor, identification), cad, in_time)
         choice = choice.with_effort_delay(regressor, identification, delay)
     choice = replace(choice, bags=weighted_bags(choice.bags, cad))
     if gravity is None or gravity.tilt == 0.0:
-        level_bags = choice.bags
-    return _PreparedBags(robot, choice, level_bags, gravity, delay)
+        stated_bags = choice.bags
+    return _PreparedBags(robot, choice, stated_bags, gravity, delay)
 
 
 def _solved(
@@ -372,7 +376,7 @@ def _solved(
 
 
 def _bases(
-    fit: ModelFit, bags: Sequence[SampleColumns], level_bags: Sequence[SampleColumns]
+    fit: ModelFit, bags: Sequence[SampleColumns], stated_bags: Sequence[SampleColumns]
 ) -> tuple[BaseParameters, BaseParameters]:
     """Return the base parameters of the thesis's torque model and of the fitted model.
 
@@ -381,9 +385,9 @@ def _bases(
     them poorly.
     """
     model = JointModel.uniform(fit.model.joint_names, fit.model.link_names, THESIS_TERMS)
-    regressions = [RegressionBank(level_bags, THESIS_TERMS).regression(model), fit.regression]
-    if level_bags is not bags:
+    regressions = [RegressionBank(stated_bags, THESIS_TERMS).regression(model), fit.regression]
+    if stated_bags is not bags:
         own = [term for _, term in fit.model.joint_columns]
-        regressions[1] = RegressionBank(level_bags, own, fit.inertial).regression(fit.model)
+        regressions[1] = RegressionBank(stated_bags, own, fit.inertial).regression(fit.model)
     thesis, used = (find_base_parameters(r.system().R, r.columns) for r in regressions)
     return thesis, used

@@ -19,7 +19,7 @@ def footprint():
     return sys.getallocatedblocks(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-def test_ten_thousand_cycles_are_like_a_thousand(rig):
+def test_twenty_thousand_cycles_are_like_a_thousand(rig):
     # A publisher that is rejected now and then, to count as well.
     def run(seconds):
         for _ in range(round(seconds)):
@@ -30,11 +30,11 @@ def test_ten_thousand_cycles_are_like_a_thousand(rig):
     run(1)
     blocks, peak = footprint()
     tracking = np.abs(rig.bridge.dq - swing(rig.now)[1]).max()
-    run(10)
+    run(20)
     more_blocks, more_peak = footprint()
-    assert more_blocks - blocks < 100
-    assert more_peak - peak < 1024  # [KiB]
+    assert more_blocks - blocks < 200
+    assert more_peak - peak < 2048  # [KiB]
     assert rig.bridge.mode == 'running', rig.bridge.faults
     assert np.abs(rig.bridge.dq - swing(rig.now)[1]).max() < 2.0 * tracking + 0.1
     assert rig.bridge.counters['board0 bad frames'] == 0
-    assert rig.bridge.intake.rejections == {'source': 11}
+    assert rig.bridge.intake.rejections == {'source': 21}

@@ -74,7 +74,8 @@ def test_a_stuck_encoder_at_rest_is_found_when_the_joint_shall_move(rig):
     assert rig.speed < 0.05
 
 
-@pytest.mark.parametrize(('fault', 'moving'), [('bit_errors', True), ('lost_frames', False)])
+@pytest.mark.parametrize('fault', ['bit_errors', 'lost_frames'])
+@pytest.mark.parametrize('moving', [False, True], ids=['at rest', 'in motion'])
 def test_single_bad_frames_are_counted_and_the_arm_continues(rig, fault, moving):
     run(rig, 0.1, moving)
     rig.inject(fault, 1, value=0.1)

@@ -95,7 +95,7 @@ def test_a_warm_arm_can_be_folded_with_its_payload(config, robot):
     assert rig.bridge.mode == 'running', rig.bridge.faults
 
 
-@pytest.mark.parametrize('attack', ['velocity', 'pump', 'effort_waves'])
+@pytest.mark.parametrize('attack', ['velocity', 'effort', 'pump', 'full_law', 'effort_waves'])
 def test_limits_hold_while_torques_are_reduced(config, robot, attack):
     rig = warmed(AttackRig(config, robot, payload=0.2, seed=2).bring_up(), 104.0, 95.0)
     rig.run(0.6)

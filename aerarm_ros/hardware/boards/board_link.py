@@ -265,7 +265,7 @@ class BoardLink:
             command.integral_gain[channel] = motor.integral_gain
             saturation = self._saturation[channel]
             if motor.current_max < saturation:
-                # Not 0, which would mean no limit.
+                # Below this minimum the field is too coarse, and 0 would mean no limit.
                 saturation = min(saturation, max(motor.current_max, _SATURATION_MIN))
             command.current_saturation[channel] = saturation
 

@@ -69,7 +69,7 @@ class CommandEcho:
         self._name = name
         self._settings = settings
         self._echoes = echoes
-        self._answered = False  # command index of the previous exchange
+        self._answered = False  # whether the previous exchange brought a valid answer
 
     @property
     def is_losing(self) -> bool:
@@ -344,7 +344,7 @@ class BoardMonitor:
                 )
 
 
-# Consecutive readings beyond a limit that rule out noise: 10 ms at 1 kHz.
+# Consecutive readings beyond a limit that rule out noise: 5 ms at 1 kHz with two motors per board.
 _IN_ROW = 10  # decision 81
 # A warning appears at this fraction inside the limits; it stays for this time [s], to be read.
 _WARNING_SHARE = 0.05

@@ -49,8 +49,8 @@ class MotorReference:
         Current that encoder quantization causes in a braked joint [A]; 0 if the joint is not
         braked.
     current_max
-        Largest motor current that a reference may request [A], in addition to the board's current
-        limit.
+        Largest motor current that a reference may request [A]; the smaller of this value and the
+        board's current limit applies.
     effort_limit
         Largest joint torque that a reference may request [Nm]; braking may use the full
         `effort_max`.
@@ -476,7 +476,7 @@ class MotorReferences:
         Parameters
         ----------
         trusted
-            n flags, False for joints with an implausible encoder reading, which have no barrier.
+            n flags as in `SafetyGate.follow`.
 
         Returns
         -------

@@ -18,10 +18,9 @@ class CommandBuffer:
     """Joint command for n joints, in which NaN marks an unused quantity.
 
     In contrast to the `JointCommand` of a controller, each joint may use other quantities, and
-    the arrays are reused: each received command overwrites them. The
-    quantities given for a joint determine its mode. Effort alone means torque control. Velocity
-    alone means the boards' PI velocity loop (thesis (4.5)). Position with velocity and effort
-    means the boards' full law (4.4) with feed-forward.
+    the arrays are reused: each received command overwrites them. Position or velocity switches the
+    gains of the boards' control law (thesis (4.4)) on. The boards integrate a velocity without
+    position (4.5). Effort is added to the law; effort alone means torque control.
 
     Attributes
     ----------
@@ -253,8 +252,8 @@ class CommandIntake:
     def conclude(self, now: float) -> None:
         """Record that the publisher of the commands ends them intentionally at `now` [s].
 
-        Commands sent before this time still belong to that publisher. Later commands may come
-        from any publisher.
+        Once the commands end, the bridge therefore holds the arm and does not damp it. Commands
+        that arrive up to `stamp_age_max` later do not revoke this.
         """
         self._last = now + self._settings.stamp_age_max
 

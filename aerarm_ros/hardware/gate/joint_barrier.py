@@ -114,7 +114,7 @@ def _largest_inertia(robot: Robot, rotor_inertia: Array) -> Array:
     return largest
 
 
-# Speed limit of the barrier relative to the joint's speed limit, which commands may reach.
+# Speed limit of the barrier relative to the joint's speed limit; commands may reach the latter.
 _SPEED_SHARE = 1.05
 # The braking torque grows with the speed in excess of the barrier: full torque from this fraction
 # of the speed limit, ...

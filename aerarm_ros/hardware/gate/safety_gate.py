@@ -19,7 +19,7 @@ LIMITED: dict[str, str] = {
     'position': 'a position reference beyond its limit was clipped to the limit',
     'velocity': 'a reference faster than the velocity limit was slowed to the limit',
     'soft_zone': (
-        'motion towards a position limit was slowed near the limit, or because of another joint'
+        'motion was slowed near a position limit, because of another joint or of a warm motor'
     ),
     'braking': 'a joint was braked before a position or velocity limit',
     'effort': 'an effort above its limit was clipped to the limit',
@@ -355,7 +355,8 @@ class SafetyGate:
         motors
             n motor references to set.
         trusted
-            n flags, False for joints whose encoder is doubted; these joints have no barrier.
+            n flags; False for joints with a doubted encoder, a silent board or motors that the
+            board does not drive. These joints have no barrier.
 
         Returns
         -------

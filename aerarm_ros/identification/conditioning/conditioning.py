@@ -247,12 +247,13 @@ _SAMPLES_PER_CUTOFF = 10.0
 _FEWEST_PER_CUTOFF = 5.0  # ... and the smallest number, used only if the data require it
 # factor of the band below which a cut-off removes part of the motion
 _LEAST_PER_POSITION_BAND = 4.0
-# Candidate cut-offs relative to the cut-off by the rule; lower candidates repeat the last factor,
+# Candidate cut-offs relative to the cut-off by the rule; lower candidates halve the smallest one,
 # down to the least cut-off. A higher cut-off always predicts more of the recorded torque, because
 # the kinematics then follow vibration, but its parameters extrapolate worse (decision 103).
 _TRIED = (0.5, 0.7, 1.0)
 _LOWER = 0.5
-# Filters are compared on common samples, at most at this rate unless the motion is faster.
+# Filters are compared on common samples, at least at this rate, or five times the cut-off if that
+# is higher.
 _TRIAL_RATE = 30.0  # [Hz]
 _TRIAL_FINE_RATE = 200.0  # [Hz]
 # The filtered torque is sampled at five times the cut-off: above the Nyquist rate, 2, with a margin

@@ -269,7 +269,7 @@ class Recording:
     start : float
         Stamp of time 0 [s].
     span : UsedSpan or None
-        Part of the bag that is used; None for the whole bag.
+        Part of the bag that is used; None if the recording was not read from a bag or table.
     saturated : (M, n) ndarray of bool or None
         Samples with effort at its limit; None without any.
     """

@@ -169,7 +169,7 @@ def fit_model(
     cad: ArmParameters,
     noise: Noise | None = None,
 ) -> ModelFit:
-    """Fit a model by least squares, weighted by its residual noise.
+    """Fit a model near CAD by least squares, weighted by its residual noise.
 
     Parameters
     ----------

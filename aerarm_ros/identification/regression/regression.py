@@ -75,7 +75,7 @@ class SampleColumns:
     def rate(self, term: JointTerm, inertial: Array | None = None) -> Array:
         """Return the time derivative (M, n) of a term's filtered column for every joint.
 
-        Terms of another driving joint are not supported; parameters are those of `term`.
+        Terms of another driving joint are not supported; arguments are those of `term`.
         """
         return self._columns(term, inertial, derivative=1)
 

@@ -464,8 +464,8 @@ class HardwareBridge(LifecycleNode):
 # Joint names and content of a joint command, and the publisher's GID (None if unknown).
 Command = tuple[Sequence[str], JointSample, bytes | None]
 
-# The cycle's thread decodes a command with other joints or another order. Decoding a longer message
-# would take too long.
+# The cycle's thread decodes a command with other joints or another order, and rejects a larger
+# message, because decoding it would take too long.
 _LONGEST = 1024  # [bytes]
 _LONGEST_PER_JOINT = 128
 
