@@ -114,7 +114,7 @@ check: develop
 quick: develop
 	+$(BIN)/python -m pytest --quiet --numprocesses 2 $(SLOW) $(QUICK)
 
-# Lint uses the time in which the tests wait. Its output comes at once; that of pytest as it goes on.
+# Lint uses the time in which the tests wait. make prints the output of lint when lint ends.
 test: develop
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint tests
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import resource
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -27,7 +26,6 @@ Item = TypeVar('Item')
 Result = TypeVar('Result')
 
 _TASKS = 25  # runs of a process before a new process replaces it, which bounds its memory
-_GIB = 2**30
 _unprepared: list[str] = []
 """Error message of the function `prepare` in this worker process; empty without an error."""
 _KILLED = (
@@ -37,23 +35,15 @@ _KILLED = (
 
 @dataclass(frozen=True)
 class Failure:
-    """Failed run, with the reason.
-
-    Attributes
-    ----------
-    is_final : bool
-        Whether a repetition would fail too; False if the process was ended from outside.
-    """
+    """Failed run, with the reason."""
 
     reason: str
-    is_final: bool = True
 
 
 def run_each(
     function: Callable[[Item], Result],
     items: Iterable[Item],
     workers: int = 0,
-    memory: float = 0.0,
     prepare: Callable[[], None] | None = None,
     leave: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, Result | Failure]]:
@@ -69,8 +59,6 @@ def run_each(
         Picklable arguments of `function`, one per run; each is read when its run starts.
     workers : int
         Number of processes; 0 for the number of CPUs.
-    memory : float
-        Memory limit of each process [GiB]; 0 for no limit.
     prepare : callable, optional
         Picklable; each process calls it once before its first run.
     leave : callable, optional
@@ -85,7 +73,7 @@ def run_each(
         alone = bool(suspects)
         source = iter([suspects.popleft()]) if alone else islice(waiting, workers * _TASKS)
         running: dict[Future[Result] | None, tuple[int, Item]] = {}
-        pool = _pool(1 if alone else workers, memory, prepare)
+        pool = _pool(1 if alone else workers, prepare)
         count = 0
         try:
             while True:
@@ -103,7 +91,7 @@ def run_each(
         except BrokenProcessPool:
             lost = sorted(running.values(), key=lambda run: run[0])
             if alone:
-                yield from ((index, Failure(_KILLED, is_final=False)) for index, _ in lost)
+                yield from ((index, Failure(_KILLED)) for index, _ in lost)
             else:
                 suspects.extend(lost)
         except BaseException:
@@ -168,18 +156,15 @@ def _reason(error: BaseException) -> str:
     return f'{type(error).__name__}: {text}' if text else type(error).__name__
 
 
-def _pool(workers: int, memory: float, prepare: Callable[[], None] | None) -> ProcessPoolExecutor:
+def _pool(workers: int, prepare: Callable[[], None] | None) -> ProcessPoolExecutor:
     # Spawn instead of fork: the parent may have threads (BLAS, a ROS context).
     context = multiprocessing.get_context('spawn')
-    return ProcessPoolExecutor(workers, context, _prepare, (memory, prepare))
+    return ProcessPoolExecutor(workers, context, _prepare, (prepare,))
 
 
-def _prepare(memory: float, prepare: Callable[[], None] | None) -> None:
-    """Initialize a worker process: ignore Ctrl-C, limit the memory, and call `prepare`."""
+def _prepare(prepare: Callable[[], None] | None) -> None:
+    """Initialize a worker process: ignore Ctrl-C and call `prepare`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if memory > 0.0:
-        _, most = resource.getrlimit(resource.RLIMIT_DATA)
-        resource.setrlimit(resource.RLIMIT_DATA, (int(memory * _GIB), most))
     if prepare is None:
         return
     try:

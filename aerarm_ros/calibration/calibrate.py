@@ -50,6 +50,13 @@ class CalibrationOptions:
     compliance: bool = True
     tolerance: Tolerance = field(default_factory=Tolerance)
 
+    def __post_init__(self) -> None:
+        """Validate the level."""
+        if self.level not in ('auto', *LEVELS):
+            raise CalibrationError(
+                f'--level {self.level} is unknown: choose one of auto, {", ".join(LEVELS)}'
+            )
+
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:

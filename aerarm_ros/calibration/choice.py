@@ -182,9 +182,9 @@ def chosen(start: Fit, level: str, compliance: bool) -> tuple[Candidate, list[Ca
     measured = sum(int(np.isfinite(residual).sum()) for residual in start.residuals())
     best: Candidate | None = None
     extras = [('', ()), (' + compliance', ('compliance',))] if compliance else [('', ())]
-    for level, (label, kinds) in product(names, extras):
-        name = f'{level}{label}'
-        columns = identifiable(start, (*LEVELS[level], *kinds)).columns
+    for errors, (label, kinds) in product(names, extras):
+        name = f'{errors}{label}'
+        columns = identifiable(start, (*LEVELS[errors], *kinds)).columns
         if not columns or len(columns) >= measured // 2:
             continue
         other = whole = _candidate(name, start, columns, noise)

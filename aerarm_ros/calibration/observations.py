@@ -77,7 +77,8 @@ class Source(ABC):
 
         The state begins with the base rotation (9) and translation (3).
         """
-        some = np.unique(np.linspace(0, len(poses.position) - 1, _REGISTERED).astype(int))
+        rows = np.flatnonzero(self.seen)
+        some = rows[np.unique(np.linspace(0, len(rows) - 1, _REGISTERED).astype(int))]
         source = self.rows(some)
         poses = LinkPoses(poses.rotation[some], poses.position[some], poses.jacobian[some])
         return _best_start(lambda rotation: source._linear(poses, rotation))

@@ -25,6 +25,8 @@ from aerarm_ros.motion.signals import Array
 LENGTH_UNITS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6}
 _ANGLE_UNITS = {'rad': 1.0, 'mrad': 1e-3, 'deg': np.pi / 180.0, '°': np.pi / 180.0}
 _LARGEST = 2**28  # bytes
+# More rows with smaller intervals [s] are samples of a motion.
+_MOVING_ROWS, _MOVING_INTERVAL = 200, 0.2
 _AXIS = r'(?P<axis>qx|qy|qz|qw|phi[xyz]|roll|pitch|yaw|[xyz])'
 # Accepted forms: x1, qx_1, x[1]; marker1.x, tool_x, m1/qx; x alone.
 _FORMS = (
@@ -115,12 +117,27 @@ def read_postures(
     wrong: dict[str, str] = {}
     with table_errors(path, _LARGEST, CalibrationError):
         columns = _csv_columns(path, wrong)
+    _check_rest(path, columns)
     reader = _Reader(path, known_joints, length_unit, degrees, rename or {}, prismatic)
     table = reader.table(columns)
     for name, problem in wrong.items():
         if name not in table.unused:
             raise CalibrationError(f'{path}: column {name}: {problem}')
     return table
+
+
+def _check_rest(path: Path, columns: Mapping[str, Array]) -> None:
+    """Raise CalibrationError if the rows are samples of a motion instead of resting postures."""
+    for name, values in columns.items():
+        column = _known_column(name)
+        if column is None or column.quantity != 'time' or len(values) <= _MOVING_ROWS:
+            continue
+        interval = column.factor * float(np.nanmedian(np.diff(values)))
+        if interval < _MOVING_INTERVAL:
+            raise CalibrationError(
+                f'the rows of {path} are {interval:.2g} s apart, so the table records a motion: '
+                'pass one row per posture in which the arm rests, or a bag'
+            )
 
 
 class _Reader:

@@ -196,10 +196,10 @@ class FlightControl:
     from the body's target. The force f_a and the moment m_a are those of the joints' motion, e is
     the position error, and a_d the target's acceleration::
 
-        F = m (g + a_d + Kp e + Kd de + Ki int e) - f_a - d
-        M = J (a_R + Kp e_R + Kd e_w) + w x J w + Ki int e_R - m_a - d_R
+        F = m (g + a_d + Kp e + Kd de + Ki int e) - f_a
+        M = J (a_R + Kp e_R + Kd e_w) + w x J w + Ki int e_R - m_a
 
-    M, J, m_a and d_R are about the centre of mass.
+    M, J and m_a are about the centre of mass.
 
     `e_R` is the attitude's error on SO(3) (Lee, Leok and McClamroch, CDC 2010). A drone with rotors
     in one plane turns its z axis along the force. `e_w` and `a_R` follow from the rate of the

@@ -42,7 +42,7 @@ from aerarm_ros.identification.regression.base_parameters import (
 from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
 from aerarm_ros.identification.regression.regression import SampleColumns, triangular_factor
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_all
+from aerarm_ros.identification.solvers.solvers import DEFAULT, RECOMMENDED, solve_all
 from aerarm_ros.model.regressor import Regressor
 
 
@@ -212,7 +212,7 @@ class IdentificationOptions:
     friction : str
         'auto' or a key of `model_choice.FRICTION_MODELS`.
     solvers : tuple of str
-        Names in `solvers.SOLVERS`; the solvers in `solvers.ALWAYS` always run.
+        Names in `SOLVERS`; the solvers in `solvers.ALWAYS` always run.
     progress : callable or None
         Function that receives the name of each slow step.
     bounds : LinkBounds
@@ -226,7 +226,7 @@ class IdentificationOptions:
 
     conditioning: ConditioningOptions = field(default_factory=ConditioningOptions)
     friction: str = AUTOMATIC
-    solvers: tuple[str, ...] = FAST
+    solvers: tuple[str, ...] = DEFAULT
     progress: Callable[[str], None] | None = None
     bounds: LinkBounds = field(default_factory=LinkBounds)
     coupled: CoupledJoints = ()

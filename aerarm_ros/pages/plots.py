@@ -104,8 +104,6 @@ class StackedFigure:
         Unit of all vertical axes.
     x_title : str
         Title of the common axis.
-    logarithmic : bool
-        Whether all axes are logarithmic.
     most : int
         Largest number of points per curve, evenly spread.
 
@@ -116,30 +114,15 @@ class StackedFigure:
     """
 
     def __init__(
-        self,
-        rows: tuple[str, ...],
-        unit: str,
-        x_title: str = 'time [s]',
-        logarithmic: bool = False,
-        most: int = MOST_POINTS,
+        self, rows: tuple[str, ...], unit: str, x_title: str = 'time [s]', most: int = MOST_POINTS
     ) -> None:
         self._most = most
-        self._kind = 'log' if logarithmic else 'linear'
         self._rows = rows
         self._unit = unit
         self._x_title = x_title
         self.traces: list[dict[str, Any]] = []
 
-    def add(
-        self,
-        row: int,
-        x: Array,
-        y: Array,
-        name: str,
-        role: str,
-        dash: str = 'solid',
-        marked: bool = False,
-    ) -> None:
+    def add(self, row: int, x: Array, y: Array, name: str, role: str, dash: str = 'solid') -> None:
         """Add a curve to the plot of one joint.
 
         Parameters
@@ -155,14 +138,11 @@ class StackedFigure:
             line; 'cloud' means single points.
         dash : str
             Line style: 'solid', 'dot', 'dash'.
-        marked : bool
-            Whether to draw a marker at each point.
         """
         if role == 'cloud':
             look: dict[str, Any] = {'mode': 'markers', 'marker': _CLOUD}
         else:
-            mode = 'lines+markers' if marked else 'lines'
-            look = {'mode': mode, 'line': {**_LINES[role], 'dash': dash}}
+            look = {'mode': 'lines', 'line': {**_LINES[role], 'dash': dash}}
         step = max(1, -(-len(x) // self._most))
         suffix = '' if row == 0 else str(row + 1)
         self.traces.append(
@@ -194,11 +174,7 @@ class StackedFigure:
             'margin': {'l': 75, 'r': 15, 't': 30, 'b': 45},
             'legend': {'orientation': 'h', 'y': 1.0 + 0.12 / count, 'yanchor': 'bottom'},
             'hovermode': 'x unified',
-            'xaxis': {
-                'title': {'text': self._x_title},
-                'anchor': f'y{count if count > 1 else ""}',
-                'type': self._kind,
-            },
+            'xaxis': {'title': {'text': self._x_title}, 'anchor': f'y{count if count > 1 else ""}'},
         }
         gap = 0.2 / count
         for row, title in enumerate(self._rows):
@@ -206,7 +182,6 @@ class StackedFigure:
             layout[f'yaxis{"" if row == 0 else row + 1}'] = {
                 'domain': [max(0.0, top - 1.0 / count + gap), top],
                 'title': {'text': f'{plain_text(title)} [{self._unit}]'},
-                'type': self._kind,
             }
         return figure_html(identifier, self.traces, layout)
 

@@ -29,10 +29,16 @@ def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
     service only to an executor that runs the subscription.
     """
     if publisher.topic_type != topic.type_name:
-        return f'its type is {publisher.topic_type} instead of {topic.type_name}'
+        return (
+            f'its type is {publisher.topic_type} instead of {topic.type_name}: rename the topic of '
+            'that node'
+        )
     compatibility, reason = qos_check_compatible(publisher.qos_profile, topic.qos)
     if compatibility == QoSCompatibility.ERROR:
-        return f'its quality of service is incompatible: {reason}'
+        return (
+            f'its quality of service is incompatible ({reason}): publish the topic with '
+            f'reliability {topic.qos.reliability.name} and durability {topic.qos.durability.name}'
+        )
     return ''
 
 

@@ -4,6 +4,7 @@ As a program with the arguments of `flight_control`; `law` selects the control l
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -36,7 +37,12 @@ def compared_law(
 ) -> RejectingFlight | Px4Flight:
     """Return the control law that the parameter `law` selects."""
     if values.law == PX4_LOOPS:
-        gains = Px4AllGains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k)
+        if drone.is_fully_actuated:
+            raise ValueError('the model of PX4 tilts the drone: use coplanar rotors')
+        gains = replace(
+            Px4AllGains.scaled(values.mpc_xy_p, values.mc_att_p, values.mc_rate_k),
+            mc_yawrate_p=values.mc_yawrate_p,
+        )
         return Px4Flight(drone, body, gains, values.tilt_ahead, values.hold_heading)
     frequency = values.observer_frequency
     is_observer = values.law == OBSERVER

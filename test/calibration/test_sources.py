@@ -150,3 +150,18 @@ def test_too_few_visible_postures_name_camera_and_marker(
     assert 'random postures are free of collisions' in str(error.value)
     advice = "the camera position and the marker's normal"
     assert (advice in str(error.value)) == (is_visible is not None)
+
+
+def test_a_source_that_few_of_many_postures_show_is_registered() -> None:
+    arm = MeasuredArm(1)
+    q = arm.postures(400)
+    geometry = ArmGeometry(ROBOT, LINK)
+    poses = geometry.poses(q, np.zeros(len(geometry.names)))
+    source = PoseSource('camera', poses.rotation.copy(), poses.position.copy())
+    hidden = np.ones(len(q), dtype=bool)
+    hidden[1:400:40] = False
+    source.position[hidden] = np.nan
+    source.rotation[hidden] = np.nan
+    state = source.register(poses)
+    residuals = source.residuals(poses, state)[~hidden]
+    assert np.abs(residuals).max() < 0.03  # an initial state: the fit follows

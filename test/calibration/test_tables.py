@@ -88,3 +88,12 @@ def test_an_unreadable_table_raises_one_error(
 def test_a_missing_file_is_an_error_too(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match='check the path'):
         read_postures(tmp_path / 'none.csv', JOINTS)
+
+
+def test_samples_of_a_motion_are_rejected(tmp_path: Path) -> None:
+    def rows(interval: float) -> list[str]:
+        return [f'{interval * k},{0.001 * k},1,2,3' for k in range(300)]
+
+    with pytest.raises(CalibrationError, match='records a motion'):
+        table(tmp_path, 'time [s],elbow,x1,y1,z1', *rows(0.01))
+    assert len(table(tmp_path, 'time [s],elbow,x1,y1,z1', *rows(2.0)).joints['elbow']) == 300

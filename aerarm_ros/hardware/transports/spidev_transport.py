@@ -213,7 +213,7 @@ class SpidevTransport:
         self._devices[board].set_mode(mode)
 
     def self_test(self, profile: FrameProfile) -> list[Answer]:
-        """Test the connection to each board, see the function `self_test`."""
+        """Test the connection to each board; return one result per board."""
         return self_test(self, self._config, profile)
 
 

@@ -11,7 +11,7 @@ from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.report import report_figures as figures
 from aerarm_ros.identification.report import report_tables as tables
-from aerarm_ros.identification.solvers.estimate import SOLVERS
+from aerarm_ros.identification.solvers.solvers import SOLVERS
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section
 from aerarm_ros.pages.plots import plotting_script
 

@@ -78,7 +78,7 @@ class Estimate:
     Attributes
     ----------
     solver : str
-        Name in `solvers.SOLVERS`.
+        Name in `SOLVERS`.
     model : JointModel
         Model that defines the columns.
     theta : (p,) ndarray

@@ -14,7 +14,8 @@ from aerarm_ros.identification.arm_parameters import ArmParameters, LinkBounds, 
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.joint_model import TermKind
 from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.solvers.estimate import SOLVERS, Estimate, PhysicalLimits
+from aerarm_ros.identification.solvers.estimate import SOLVERS as SOLVERS
+from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
 
 RECOMMENDED = 'sdp'
 """Name of the recommended solver, whose estimate is physically consistent."""
@@ -22,7 +23,7 @@ RECOMMENDED = 'sdp'
 ALWAYS = ('cad', 'cad_friction', 'ols', RECOMMENDED)
 """Solvers that always run, for comparison in the report."""
 
-FAST = (*ALWAYS, 'wls')
+DEFAULT = (*ALWAYS, 'wls')
 """Solvers that run by default."""
 
 # Each of these modules adds its solvers to the table `SOLVERS`.
@@ -46,7 +47,7 @@ def _ordered() -> list[str]:
 def solve_all(
     fit: ModelFit,
     cad: ArmParameters,
-    names: Collection[str] = FAST,
+    names: Collection[str] = DEFAULT,
     progress: Callable[[str], None] | None = None,
     bounds: LinkBounds | None = None,
 ) -> dict[str, Estimate]:

@@ -358,20 +358,21 @@ class RejectionLog:
         """Log a warning if the cycle at `now` [s] rejected a command for a new reason."""
         if mode != self._mode:
             self._mode, self._mode_since = mode, now
-        if intake.last_rejection_time != now:
-            return
-        reason = intake.last_rejection
+        if intake.last_rejection_time == now:
+            self._note(intake.last_rejection, now)
+        for reason, begun in list(self._begun.items()):
+            why = self._publishers_warning() if reason in _OF_PUBLISHERS else REJECTIONS[reason]
+            # The name of a new publisher is not known yet.
+            if not why and now - begun < _LOOK_UP:
+                continue
+            del self._begun[reason]
+            if now - self._logged_at.get(reason, -inf) >= _PERIOD:
+                self._logged_at[reason] = now
+                self._warn(f'a command was rejected: {why or REJECTIONS[reason]}')
+
+    def _note(self, reason: str, now: float) -> None:
         if reason == 'not_ready' and now - self._mode_since < _AFTER_CHANGE:
             return
         if now - self._rejected_at.get(reason, -inf) >= _QUIET:
-            self._begun[reason] = now
+            self._begun.setdefault(reason, now)
         self._rejected_at[reason] = now
-        if reason not in self._begun:
-            return
-        why = self._publishers_warning() if reason in _OF_PUBLISHERS else REJECTIONS[reason]
-        if not why and now - self._begun[reason] < _LOOK_UP:
-            return
-        del self._begun[reason]
-        if now - self._logged_at.get(reason, -inf) >= _PERIOD:
-            self._logged_at[reason] = now
-            self._warn(f'a command was rejected: {why or REJECTIONS[reason]}')

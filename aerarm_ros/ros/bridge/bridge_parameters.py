@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
@@ -207,22 +207,31 @@ BRIDGE_PARAMETERS = (
 )
 
 
+_METHODS = [name for name in vars(Transport) if not name.startswith('_')]
+
+
 def make_transport(name: str, config: ArmConfig) -> Transport:
     """Return the transport of a module in `hardware/transports`, or of a user's module.
 
-    Raises ValueError if there is no such module, or if it has no function `make_transport`.
+    Raises ValueError if there is no such module, or if its function `make_transport` fails or
+    returns no `Transport`.
     """
     own = f'aerarm_ros.hardware.transports.{name}_transport'
     try:
         module = importlib.import_module(own if name.isidentifier() and find_spec(own) else name)
-        make: Callable[[ArmConfig], Transport] = module.make_transport
-    except (ImportError, ValueError, TypeError, AttributeError) as error:
+        transport: Transport = module.make_transport(config)
+        missing = [method for method in _METHODS if not hasattr(transport, method)]
+        if missing:
+            raise TypeError(f'the transport has no method {", ".join(missing)}')
+    except OSError:
+        raise  # a connection that cannot be made has its own message
+    except Exception as error:  # whatever a user's module raises
         raise ValueError(
-            f'the parameter transport is {name!r}, but this module cannot be used ({error}): set '
-            "transport to 'spidev', or to the import path of a module with the function "
-            'make_transport'
+            f'the parameter transport is {name!r}, but this module cannot be used '
+            f"({type(error).__name__}: {error}): set transport to 'spidev', or to the import path "
+            'of a module whose function make_transport returns a Transport'
         ) from None
-    return make(config)
+    return transport
 
 
 def bridge_settings(values: SimpleNamespace) -> BridgeSettings:

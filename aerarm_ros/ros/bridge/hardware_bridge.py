@@ -249,9 +249,10 @@ class HardwareBridge(LifecycleNode):
             if isinstance(kept, KeptZeros) and kept.heat:
                 self.cycle.heat.recall(kept.heat, time.monotonic())
             self.cycle.check_gains(*self._gains())
-        except (ValueError, OSError) as error:
-            self._problem = f'not configured: {error}'
-            self.world.clean_up()
+        except Exception as error:  # rclpy would drop it without a message
+            kind = '' if isinstance(error, ValueError | OSError) else f'{type(error).__name__}: '
+            self._problem = f'not configured: {kind}{error}'
+            self._discard()
             if not self._starting:
                 self.get_logger().error(self._problem)
             return FAILURE
@@ -301,6 +302,15 @@ class HardwareBridge(LifecycleNode):
         self.zero_file.close()
         self.cycle = self._loop = None
         return SUCCESS
+
+    def _discard(self) -> None:
+        """Release what a failed configuration has opened."""
+        self.world.clean_up()
+        for name in ('_transport', 'zero_file'):
+            opened = self.__dict__.pop(name, None)
+            if opened is not None:
+                opened.close()
+        self.cycle = None
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the cycle and the method `run`."""

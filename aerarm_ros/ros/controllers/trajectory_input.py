@@ -74,8 +74,8 @@ def read_trajectory(
     limits, message, now
         Limits of the arm, trajectory message, and present time [s].
     staying
-        Positions (n,) [rad] at which omitted joints stay, as in joint_trajectory_controller with
-        `allow_partial_joints_goal`. Without this argument the message must name all joints.
+        Positions (n,) [rad] at which omitted joints stay. Without this argument the message must
+        name all joints.
 
     Raises
     ------

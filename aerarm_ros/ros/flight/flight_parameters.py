@@ -166,11 +166,12 @@ def _ardupilot_firmware(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> FirmwareFlight:
     setup = ArduPilotSetup(sensors=values.autopilot_sensors)
+    motors = motors_of(drone)
     hover_share(drone, body)  # checks that ArduPilot can lift the drone
     more = ardupilot_link.PORT_STEP * values.autopilot_instance
     simulator = ardupilot_link.JsonLink(ardupilot_link.SIMULATOR_PORT + more)
     companion = CompanionLink(ardupilot_link.COMPANION_PORT + more, None)
-    firmware = ArduPilotFirmware(simulator, companion, motors_of(drone), setup.sensors)
+    firmware = ArduPilotFirmware(simulator, companion, motors, setup.sensors)
     acceleration = SetPointAcceleration()
     if values.tilt_ahead:
         lasting = setup.rate_i / setup.rate_p

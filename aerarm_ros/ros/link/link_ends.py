@@ -424,7 +424,10 @@ class DroneEnd(LinkEnd):
         if now - self._ticked >= _TICK:
             self._ticked = max(self._ticked + _TICK, now - _TICK)
             self._services.update(now)  # first, for the answers to e-stops
-            self._topics.update(now)
+            try:
+                self._topics.update(now)
+            except _MALFORMED as error:  # a message of another program must not block e-stops
+                self._node.get_logger().error(f'a message could not be relayed: {error}')
             self._watchdog.update(now, self.connection.last_received)
             try:
                 self._recordings.update(now, self.connection.last_received)

@@ -78,7 +78,7 @@ STREAMS = (*STATES, *VALUES)
 DOWN = (*STREAMS, *EVENTS)
 UP_CHANNEL = 100
 _DEPTH = 100
-_PLACE = struct.Struct('<BH')  # channel of a state, size
+_PLACE = struct.Struct('<BI')  # channel of a state, size
 _LATCHED = topics.LATCHED.durability
 
 
@@ -162,10 +162,13 @@ class DroneTopics:
                 parts[channel] = _single_precision(message[0])
         if 0 in parts:
             self._states_at = now
+        if not parts:
+            return
         content = b''.join(_PLACE.pack(k, len(part)) + part for k, part in parts.items())
         together = zlib.compress(content, 9)
         if len(together) <= VALUE_MAX:
-            parts = {ALL_STATES: content} if parts else {}
+            self._connection.set_value(ALL_STATES, together)
+            return
         for channel, part in parts.items():
             self._connection.set_value(channel, zlib.compress(part, 9))
 

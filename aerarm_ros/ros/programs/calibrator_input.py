@@ -86,6 +86,8 @@ def read_input(path: Path, urdf: str, options: argparse.Namespace) -> Calibrator
     BagError, CalibrationError, DescriptionError
         If the file cannot be read, or contains no joint positions or no measurements.
     """
+    if path.suffix.lower() == '.npz':
+        raise CalibrationError(f'{path} is an npz file: the calibrator reads tables as .csv')
     if path.suffix.lower() == '.csv' and path.is_file():
         return _read_table(path, urdf, options)
     return _read_bag(path, urdf, options)

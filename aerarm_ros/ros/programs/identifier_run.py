@@ -38,7 +38,7 @@ from aerarm_ros.identification.joint_model import TermKind
 from aerarm_ros.identification.recording.recording import BagFacts, JointMapping, Recording
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
 from aerarm_ros.identification.report.report import ReportExtras, report_html
-from aerarm_ros.identification.solvers.solvers import FAST, check_solvers
+from aerarm_ros.identification.solvers.solvers import DEFAULT, check_solvers
 from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.identifier_bags import (
     IdentifierBags,
@@ -296,7 +296,7 @@ class IdentifierRun:
             conditioning=_conditioning(options),
             friction=options.friction,
             coupled=tuple(options.coupled),
-            solvers=tuple(options.solvers) or FAST,
+            solvers=tuple(options.solvers) or DEFAULT,
             bounds=LinkBounds(
                 tuple(options.total_mass) if options.total_mass else None, options.bound_centres
             ),

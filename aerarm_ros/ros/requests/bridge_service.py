@@ -97,6 +97,8 @@ class ServiceCall:
 
 
 _PAUSE = 1.0  # [s] without change of the graph, after which discovery counts as complete
+# [s] after which an emergency stop no longer waits for a busy host before it leaves its namespace
+_WAIT_MAX = 4.0
 _STEP_MAX = 0.1  # [s] of a step that counts as time of discovery
 _TRIGGER = 'std_srvs/srv/Trigger'
 
@@ -192,7 +194,7 @@ class BridgeFinder:
         self._everywhere = everywhere
         self._lock = threading.Lock()
         self._seen: dict[str, int] | None = None
-        self._looked = time.monotonic()
+        self._looked = self._began = time.monotonic()
         # [s] of search, and of search since the graph last changed. While a busy host delays this
         # process, it delays discovery as well, so such pauses do not count.
         self._searched = self._unchanged = 0.0
@@ -238,7 +240,8 @@ class BridgeFinder:
         own = self._node.get_namespace().rstrip('/')
         ours = [name for name in found if name.rpartition('/')[0] == own]
         may_reach_all = self._action in REACHES_ALL and not ours
-        may_reach_all = may_reach_all and (in_vain or self.is_settled())
+        is_late = now - self._began > _WAIT_MAX  # an emergency stop does not wait for a busy host
+        may_reach_all = may_reach_all and (in_vain or is_late or self.is_settled())
         return found if self._everywhere or may_reach_all else ours
 
     def _client(self, service: str) -> Client | None:

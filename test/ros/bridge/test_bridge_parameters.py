@@ -128,9 +128,18 @@ def test_the_state_file_is_in_the_home_directory_unless_it_is_given(monkeypatch)
 def test_a_module_alone_adds_a_transport(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = load_arm_config()
     assert isinstance(make_transport('spidev', config), SpidevTransport)
-    (tmp_path / 'my_bus.py').write_text('def make_transport(config):\n    return config.name\n')
+    spidev = 'aerarm_ros.hardware.transports.spidev_transport'
+    for name, text in (
+        ('my_bus', f'from {spidev} import SpidevTransport as make_transport'),
+        ('syntax', 'def make_transport(:'),
+        ('key', 'def make_transport(config):\n    return {}[config.name]'),
+        ('bare', 'make_transport = object'),
+        ('no_methods', 'make_transport = str'),
+    ):
+        (tmp_path / f'{name}.py').write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
-    assert make_transport('my_bus', config) == config.name
-    for name in ('', 'no_bus', 'no.bus', '.bus', 'json', '/dev/spidev0.0'):
+    assert isinstance(make_transport('my_bus', config), SpidevTransport)
+    wrong = 'syntax', 'key', 'bare', 'no_methods'
+    for name in ('', 'no_bus', 'no.bus', '.bus', 'json', '/dev/spidev0.0', *wrong):
         with pytest.raises(ValueError, match=f'the parameter transport is {name!r}'):
             make_transport(name, config)

@@ -54,3 +54,12 @@ def test_commands_in_transit_when_the_arm_stops_are_not_logged() -> None:
     assert cycle.lines == [SAID['nan']]
     cycle.run(103.0, 1.0, 'not_ready', mode='fault')
     assert cycle.lines[1:] == [SAID['not_ready']]
+
+
+def test_a_single_rejection_of_an_unknown_publisher_is_logged_after_a_while() -> None:
+    cycle = Cycle()
+    cycle.run(100.0, PERIOD, 'source')
+    cycle.run(100.0 + PERIOD, 0.3)
+    assert cycle.lines == []
+    cycle.run(100.0 + PERIOD + 0.3, 0.3)
+    assert cycle.lines == [SAID['source']]

@@ -69,6 +69,24 @@ def test_the_newest_states_arrive_together_in_single_precision(pair: Pair) -> No
     relay.close()
 
 
+def test_a_state_that_is_too_large_is_dropped_and_the_others_arrive(pair: Pair) -> None:
+    relay = Relay(pair)
+    came: list[JointState] = []
+    small, large = topics.JOINT_STATES, topics.MOTOR_STATES
+    pair.ground.node.create_subscription(small.type, small.name, came.append, 10)
+    publishers = [topic.publisher(pair.drone.node) for topic in (small, large)]
+    effort = np.random.default_rng(1).normal(size=8200).tolist()
+
+    def publish() -> bool:
+        publishers[0].publish(JointState(name=['a'], position=[1.0]))
+        publishers[1].publish(JointState(name=['a'], effort=effort))
+        relay.step()
+        return bool(came) and pair.drone.connection.dropped > 0
+
+    pair.until(publish)
+    relay.close()
+
+
 def test_a_missing_bridge_is_reported(pair: Pair) -> None:
     relay = Relay(pair)
     assert 'joint_states: start the bridge' in relay.drone.problem(pair.now)
