@@ -17,7 +17,7 @@ def test_limits_hold_the_arm_inside(near_limit):
     assert rig.plant.position[3] > highest[3] - 0.1
     assert rig.bridge.mode == 'running'
     assert rig.bridge.counters['limited soft_zone'] > 100
-    assert any('near the limit' in text for text in rig.bridge.faults)
+    assert any('near a position limit' in text for text in rig.bridge.faults)
 
 
 def test_torque_control_into_a_limit_is_braked(near_limit):
