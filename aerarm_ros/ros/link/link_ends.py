@@ -427,7 +427,8 @@ class DroneEnd(LinkEnd):
             try:
                 self._topics.update(now)
             except _MALFORMED as error:  # a message of another program must not block e-stops
-                self._node.get_logger().error(f'a message could not be relayed: {error}')
+                text = f'a message could not be relayed: {error}'
+                self._node.get_logger().error(text, throttle_duration_sec=5.0)
             self._watchdog.update(now, self.connection.last_received)
             try:
                 self._recordings.update(now, self.connection.last_received)
