@@ -119,7 +119,7 @@ test: develop
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint tests
 
 tests: develop
-	+$(BIN)/python -m pytest --numprocesses 4 --dist worksteal
+	+$(BIN)/python -m pytest --numprocesses 3 --dist worksteal
 
 attacks: develop
 	$(BIN)/python test/hardware/attack_campaign.py
