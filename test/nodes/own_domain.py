@@ -12,16 +12,18 @@ from aerarm_ros.ros.process.node_process import is_domain_free
 # Domains above 101 use ports that the system assigns dynamically.
 _domains = cycle(random.sample(range(1, 102), 101))
 _held: list[IO[str]] = []
+_KEPT = 4
 
 
 def own_domain() -> dict[str, str]:
     """Return the variables of a free domain, for this process or another.
 
-    The domain is this process's until it asks for the next one: test runs of one host hold a lock
-    on theirs. The same domain returns as late as possible, when its last node has surely ended.
+    A test may use several domains at once, so this process keeps its last four; test runs of one
+    host hold a lock on theirs. The same domain returns as late as possible, when its last node has
+    surely ended.
     """
-    while _held:
-        _held.pop().close()
+    while len(_held) >= _KEPT:
+        _held.pop(0).close()
     for _ in range(101):
         domain = next(_domains)
         if _lock(domain) and is_domain_free(domain):

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -79,36 +78,32 @@ def test_the_summary_states_missed_cycles_lost_messages_and_the_report(
     assert progress == 2 * ['approach', 'excitation', 'return']
 
 
-def test_ended_early_it_leaves_no_process_and_a_marked_folder(tmp_path: Path) -> None:
-    signals = {tmp_path / sent.name: sent for sent in (signal.SIGINT, signal.SIGKILL)}
-    with ExitStack() as stack:
-        started = {out: stack.enter_context(started_demo(out)) for out in signals}
-        for out, process in started.items():
-            log = out.with_suffix('.log')
-            wait_for(lambda log=log: 's  approach' in log.read_text())
-            assert len(processes_of(out)) == 4  # with bridge, recorder and excitation
-            os.killpg(process.pid, signals[out])
-            killed = signals[out] is signal.SIGKILL
-            assert process.wait(60.0) == (-signal.SIGKILL if killed else 130)
-            wait_for(lambda out=out: processes_of(out) == [])
-            assert (out / INCOMPLETE).exists()
-            bridge = (out / 'logs' / 'fake_hardware.log').read_text()
-            assert 'Traceback' not in log.read_text() + bridge
-            assert killed or log.read_text().splitlines()[-1] == (
-                f'demo: interrupted, all nodes were stopped; the results in {out} are incomplete'
-            )
-
-
-def started_demo(out: Path) -> subprocess.Popen:
-    """Start a demo whose log is beside `out`."""
-    with out.with_suffix('.log').open('w') as log:
+@pytest.mark.parametrize('sent', [signal.SIGINT, signal.SIGKILL])
+def test_ended_early_it_leaves_no_process_and_a_marked_folder(
+    ros_domain: dict[str, str], tmp_path: Path, sent: signal.Signals
+) -> None:
+    out, log = tmp_path / 'out', tmp_path / 'log'
+    with (
+        log.open('w') as stream,
         # Ctrl-C of a terminal goes to all processes of the group.
-        return subprocess.Popen(
+        subprocess.Popen(
             [*DEMO, '--out', str(out)],
             env=marked_environment(out),
-            stdout=log,
-            stderr=log,
+            stdout=stream,
+            stderr=stream,
             start_new_session=True,
+        ) as process,
+    ):
+        wait_for(lambda: 's  approach' in log.read_text())
+        assert len(processes_of(out)) == 4  # with bridge, recorder and excitation
+        os.killpg(process.pid, sent)
+        assert process.wait(60.0) == (-signal.SIGKILL if sent is signal.SIGKILL else 130)
+    wait_for(lambda: processes_of(out) == [])
+    assert (out / INCOMPLETE).exists()
+    assert 'Traceback' not in log.read_text() + (out / 'logs' / 'fake_hardware.log').read_text()
+    if sent is not signal.SIGKILL:
+        assert log.read_text().splitlines()[-1] == (
+            f'demo: interrupted, all nodes were stopped; the results in {out} are incomplete'
         )
 
 
