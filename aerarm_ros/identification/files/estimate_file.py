@@ -13,12 +13,12 @@ import numpy.typing as npt
 from aerarm_ros.description.config_reader import read_yaml, yaml_text
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.joint_model import NOT_FRICTION, JointModel, JointTerm, TermKind
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import Array
 
-if TYPE_CHECKING:  # only for type annotations
+if TYPE_CHECKING:  # only for type annotations; importing the solvers takes 0.3 s
+    from aerarm_ros.identification.identification_result import IdentificationResult
     from aerarm_ros.identification.payload import Payload
 
 NO_FRICTION = (TermKind.OFFSET, *NOT_FRICTION)

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.identification.arm_parameters import LinkBounds
 from aerarm_ros.identification.joint_model import JointModel
-from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.model.inertia import minimum_eigenvalue
 from aerarm_ros.motion.signals import Array
+
+if TYPE_CHECKING:  # only for type annotations
+    from aerarm_ros.identification.regression.model_fit import ModelFit
+
+    _Solve = Callable[[ModelFit, 'PhysicalLimits'], Array | tuple[Array, tuple[str, ...]]]
 
 # A printed link with motor, screws and cables weighs half to twice its CAD mass.
 MASS_FACTOR = 2.0
@@ -172,8 +177,6 @@ class Solver:
 
 SOLVERS: dict[str, Solver] = {}
 """All solvers by name; `solvers.py` imports the modules that fill this table."""
-
-_Solve = Callable[[ModelFit, PhysicalLimits], Array | tuple[Array, tuple[str, ...]]]
 
 
 def solver(name: str, text: str, order: int, is_fast: bool = False) -> Callable[[_Solve], _Solve]:
