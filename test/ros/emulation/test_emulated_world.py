@@ -329,21 +329,3 @@ def test_only_states_of_its_own_world_are_waited_for(ros_node: Node) -> None:
     assert not is_behind_after(START_S + 3)
     assert is_behind_after(START_S + 1, 60.0)
     watch.destroy()
-
-
-@pytest.mark.pace('keep_up')
-def test_simulation_time_continues_after_a_deactivation(
-    client: BridgeClient, ros_node: Node
-) -> None:
-    service = ros_node.create_client(ChangeState, 'fake_hardware/change_state')
-    client.wait_for_mode('idle')
-    for transition in (4, 3):  # deactivate, activate
-        request = ChangeState.Request()
-        request.transition.id = transition
-        future = service.call_async(request)
-        assert spin_until(ros_node, future.done, 60.0)
-        assert future.result().success
-    count = len(client.states)
-    client.wait_for(lambda: len(client.states) > count + 20)
-    assert client.modes[-1] == 'idle'
-    assert steps(client).min() > 0
