@@ -48,11 +48,11 @@ COMMANDABLE = (*HELD, 'damping')
 
 def to_switch_on(mode: str) -> str:
     """Return the command by which the user switches the motors on in this arm mode."""
-    return (
-        "'arm home', with the arm in its home configuration"
-        if mode == 'unhomed'
-        else "'arm enable'"
-    )
+    commands = {
+        'unhomed': "'arm home', with the arm in its home configuration",
+        'fault': "'arm clear_fault'",
+    }
+    return commands.get(mode, "'arm enable'")
 
 
 class Answer(NamedTuple):

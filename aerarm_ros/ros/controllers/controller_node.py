@@ -115,7 +115,7 @@ class ControllerNode(StateNode):
             mode = self._mode or 'unknown'
             raise RejectedInputError(
                 f"{what} rejected, because the arm is in mode '{mode}': first run "
-                f'{to_switch_on(mode)}, or clear the fault'
+                f'{to_switch_on(mode)}'
             )
 
     def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
@@ -189,10 +189,7 @@ class ControllerNode(StateNode):
     def warning(self) -> str:
         """Return the warning for /diagnostics, or an empty string."""
         if self._mode not in COMMANDABLE:
-            return (
-                f"the arm is in mode '{self._mode}': run {to_switch_on(self._mode)}, or clear the "
-                'fault'
-            )
+            return f"the arm is in mode '{self._mode}': run {to_switch_on(self._mode)}"
         if self.loop.base is not None and (problem := super().warning()):
             return problem
         if self._payload is not None and self._payload.problem:
