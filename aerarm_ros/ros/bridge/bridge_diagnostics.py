@@ -360,6 +360,8 @@ class RejectionLog:
             self._mode, self._mode_since = mode, now
         if intake.last_rejection_time == now:
             self._note(intake.last_rejection, now)
+        if not self._begun:  # in almost every cycle
+            return
         for reason, begun in list(self._begun.items()):
             why = self._publishers_warning() if reason in _OF_PUBLISHERS else REJECTIONS[reason]
             # The name of a new publisher is not known yet.
