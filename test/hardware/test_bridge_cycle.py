@@ -278,7 +278,7 @@ def test_power_and_energy_of_holding_a_weight(make_rig):
 
 def test_thesis_profile_runs_the_velocity_loop_and_reads_power(config, make_rig):
     rig = make_rig(config=replace(config, profile='laas_power')).bring_up()
-    rig.bridge.set_gains(5.0, config.column('board_kd'), 2.0)
+    rig.bridge.references.set_gains(5.0, config.column('board_kd'), 2.0)
     rig.run(1.0, lambda now: (None, [0.5, 0.0, 0.3, 0.3], None))
     assert rig.plant.velocity[[0, 2, 3]] == pytest.approx([0.5, 0.3, 0.3], abs=0.05)
     assert rig.bridge.power.source == 'voltage'

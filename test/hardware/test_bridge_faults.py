@@ -58,7 +58,7 @@ def test_a_stuck_encoder_in_motion_stops_the_arm(rig, board, motor, joint):
     # Its motor gets no current at all: damping needs an encoder.
     number = rig.config.joint_names.index(joint)
     assert abs(rig.boards.boards[board].motors[motor].target_current) == 0.0
-    assert rig.bridge._references.motors[number].kd == 0.0
+    assert rig.bridge.references.motors[number].kd == 0.0
     rig.run(0.4)
     assert rig.speed < 0.05
 

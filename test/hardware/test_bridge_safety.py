@@ -135,7 +135,7 @@ def test_enabling_outside_the_limits_is_refused(make_rig):
 
 def let_go(rig, speed):
     """Release an arm with a speed of joint 2 [rad/s], until the speed is measured."""
-    rig.boards._carried = False
+    rig.boards.is_carried = False
     rig.plant.support = 0.0
     rig.plant.reset(rig.plant.position, [0.0, speed, 0.0, 0.0])
     rig.run(0.01)

@@ -88,23 +88,18 @@ class Transport(Protocol):
 
     def open(self) -> None:
         """Open the SPI bus; if that fails, raise TransportError with advice on what to check."""
-        ...
 
     def close(self) -> None:
         """Close the SPI bus; do nothing if it is closed already."""
-        ...
 
     def advance(self, now: float) -> None:
         """Simulate emulated boards up to the time `now` [s, monotonic]; real boards ignore it."""
-        ...
 
     def exchange(self, board: int, frame: bytes) -> bytes:
         """Send a frame to a board; return the frame that the board sends back, b'' if none."""
-        ...
 
     def exchange_time(self, board: int) -> float:
         """Duration of the last frame exchange with a board [s]."""
-        ...
 
     def exchanged_at(self, board: int) -> float:
         """End time [s] of the last frame exchange with a board, on the clock of `advance`.
@@ -112,15 +107,12 @@ class Transport(Protocol):
         A board prepares its answer at most one period of its control loop before the exchange
         begins; the exchange begins `exchange_time` before its end.
         """
-        ...
 
     def problem(self, board: int) -> str:
         """Reason why the last frame exchange with a board failed; '' after a success."""
-        ...
 
     def self_test(self, profile: FrameProfile) -> Sequence[Answer]:
         """Test the open connection to each board while its motors are off; return the results."""
-        ...
 
 
 class BoardLink:

@@ -146,25 +146,23 @@ class ProbeReport:
         """Parse a commissioning report; raise ValueError with the reason if it is invalid."""
         fields = _object(text)
         try:
-            strokes = [Stroke(**stroke) for stroke in fields.pop('strokes')]
+            strokes = tuple(Stroke(**stroke) for stroke in fields.pop('strokes'))
             lists: dict[str, Any] = {
                 key: tuple(value) if isinstance(value, list) else value
                 for key, value in fields.items()
             }
-            report = cls(strokes=tuple(strokes), **lists)
+            report = cls(strokes=strokes, **lists)
             arrays = (report.boards, report.travel, report.span, report.pulses, report.pulse_angle)
-            n = len(lists['joints'])
+            n = len(report.joints)
             if not all(isinstance(array, tuple) and len(array) == n for array in arrays):
                 raise ValueError('an array of the report does not have one value per joint')
-            numbers = [*report.travel, *report.span, *report.pulses, report.current_max]
-            numbers += [angle for angle in report.pulse_angle if angle is not None]
-            for stroke in report.strokes:
-                numbers += [stroke.requested, stroke.measured, stroke.speed]
-            if not all(isfinite(number) for number in numbers):
+            angles = (angle for angle in report.pulse_angle if angle is not None)
+            by_stroke = (number for stroke in strokes for number in vars(stroke).values())
+            numbers = (*report.travel, *report.span, *report.pulses, *angles, *by_stroke)
+            if not all(map(isfinite, (*numbers, report.current_max))):
                 raise ValueError('a number in the report is not finite')
-            texts = [report.id, report.phase, report.reason, report.mode]
-            texts += [*report.joints, *report.boards]
-            if not all(isinstance(text, str) for text in texts):
+            texts = (report.id, report.phase, report.reason, report.mode, *report.joints)
+            if not all(isinstance(text, str) for text in (*texts, *report.boards)):
                 raise ValueError('a name or reason in the report is not a string')
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise ValueError(f'not a commissioning report: {error}') from None

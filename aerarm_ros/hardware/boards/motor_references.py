@@ -63,38 +63,6 @@ class MotorReference:
         Position reference at the joint [rad], NaN without a position reference.
     """
 
-    __slots__ = (
-        '_board_integral_gain',
-        '_board_kd',
-        '_board_kp',
-        '_braking_kd',
-        '_current_per_effort',
-        '_effort_max',
-        '_highest',
-        '_integrates',
-        '_intercept',
-        '_kd_max',
-        '_lowest',
-        '_most',
-        '_per_gain',
-        '_reach',
-        '_sent',
-        '_slope',
-        'load_current',
-        'current',
-        'current_max',
-        'effort_limit',
-        'integral',
-        'integral_gain',
-        'joint_position',
-        'kd',
-        'kp',
-        'noise',
-        'position',
-        'velocity',
-        'zero',
-    )
-
     def __init__(
         self,
         slope: float,

@@ -144,10 +144,13 @@ class JointLimiter:
         position = self._held(position, self._position_min, self._position_max, 'position')
         # A reference step is followed at the largest allowed speed.
         start = q if self._last_position != self._last_position else self._last_position
+        slowest, fastest = self._speeds(start)
+        lowest, highest = start + slowest * dt, start + fastest * dt
+        if lowest <= position <= highest:  # the usual case
+            return position
         step = self._velocity_max * dt
         position = self._held(position, start - step, start + step, 'velocity')
-        slowest, fastest = self._speeds(start)
-        return self._held(position, start + slowest * dt, start + fastest * dt, 'soft_zone')
+        return self._held(position, lowest, highest, 'soft_zone')
 
     def _limited_effort(self, effort: float, dt: float) -> float:
         effort = self._held(effort, -self.effort_limit, self.effort_limit, 'effort')
@@ -197,7 +200,7 @@ class SafetyGate:
     barriers
         One `JointBarrier` per joint, updated by `watch`.
     loads, inertias
-        Modelled loads [Nm] and inertias [kg m^2] at the last call of `watch`; empty before the
+        Modelled loads [Nm] and inertias [kg m^2] at the last call of `watch`; 0 and NaN before the
         first.
     """
 
@@ -218,8 +221,7 @@ class SafetyGate:
             JointLimiter(joint, settings, barrier)
             for joint, barrier in zip(config.joints, self.barriers, strict=True)
         ]
-        self.loads: list[float] = []
-        self.inertias: list[float] = []
+        self.loads, self.inertias = [0.0] * config.n, [nan] * config.n
 
     def trip(self, reason: str) -> None:
         """Stop the arm until `release`; keep the reason of an earlier stop."""
@@ -363,7 +365,7 @@ class SafetyGate:
         bool
             Whether a joint is braked at its barrier.
         """
-        columns = (command.q.tolist(), command.dq.tolist(), command.tau.tolist(), q.tolist())
+        columns = (*command.rows.tolist(), q.tolist())
         for joint, position, velocity, effort, angle in zip(self._joints, *columns, strict=True):
             violation = joint.command_violation(position, velocity, effort, angle)
             if violation:

@@ -100,7 +100,7 @@ def test_a_pulse_during_a_host_delay_is_searched_again(make_rig, config):
 def test_without_an_index_pulse_it_ends_in_a_fault(make_rig, config):
     rig = make_rig().bring_up()
     encoder = rig.boards.boards[1].motors[0].encoder
-    encoder._pass_index = lambda turn, compensate: None
+    encoder._pass_index = lambda: None
     rig.bridge.home()
     rig.run_until('fault', 3.5)
     rig.run(0.1)

@@ -166,7 +166,7 @@ def test_a_clock_may_drift_as_crystals_do(make_rig, drift):
 def test_the_angles_of_an_arm_that_sank_during_a_bridge_restart_are_known(make_rig):
     rig = homed_elsewhere(make_rig)
     kept = kept_by(rig)
-    rig.boards._carried = False
+    rig.boards.is_carried = False
     for _ in range(150):
         rig.now += 0.01
         rig.boards.advance(rig.now)

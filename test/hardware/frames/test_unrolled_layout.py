@@ -43,7 +43,7 @@ def test_a_value_at_either_end_of_its_field_is_packed_and_one_beyond_is_not():
     lowest, highest = current.count_range
     for count in (lowest, highest):
         assert packed(current=[count * current.si_per_count, 0.0])[current.word] == count
-    pack = FrameCodec(load_profile())._command._pack
+    pack = FrameCodec(load_profile()).command._pack
     for count in (lowest - 1, highest + 1):
         assert pack(BoardCommand(current=[count * current.si_per_count, 0.0])) is None
 
@@ -73,7 +73,7 @@ def test_bits_and_numbers_are_read_into_the_record():
 @pytest.mark.parametrize('profile', ['uomodri_v3', 'laas_power'])
 def test_values_in_range_use_the_fast_path(profile, monkeypatch):
     codec = FrameCodec(load_profile(profile))
-    for direction in (codec._command, codec._sensor):
+    for direction in (codec.command, codec.sensor):
         monkeypatch.setattr(direction, '_pack_limited', None)
     codec.encode(BoardCommand(position=[-3.0, 3.0], velocity=[-4.0, 4.0], current=[-1.0, 1.0]))
     codec.encode_state(BoardState(position=[-3.0, 3.0], velocity=[-4.0, 4.0], current=[-1.0, 1.0]))
