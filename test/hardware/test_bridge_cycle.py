@@ -28,26 +28,20 @@ def test_from_disconnected_to_ready(make_rig):
     rig = make_rig()
     assert rig.bridge.mode == 'disconnected'
     assert np.isnan(rig.bridge.q).all()
-    seen = []
+    seen, start, moved = [], rig.plant.position, 0.0
     for _ in range(1300):
         if rig.bridge.mode == 'idle':
             assert rig.bridge.enable().accepted
         rig.cycle()
+        if rig.bridge.mode == 'aligning':
+            moved = np.maximum(moved, np.abs(rig.plant.position - start))
         if rig.bridge.mode not in seen:
             seen.append(rig.bridge.mode)
     assert seen == ['disconnected', 'idle', 'aligning', 'ready']
     assert set(seen) < set(MODES)
+    assert np.all((moved > 0.005) & (moved < 0.05))
     assert rig.plant.support == 0.0
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=1e-3)
-
-
-def test_alignment_moves_the_arm_a_little(make_rig):
-    rig = make_rig()
-    start = rig.plant.position
-    rig.enable()
-    moved = np.abs(rig.run(0.7) - start).max(axis=0)
-    assert np.all(moved > 0.005)
-    assert np.all(moved < 0.05)
 
 
 def test_an_unsupported_loaded_arm_fails_to_align(make_rig):
@@ -239,17 +233,14 @@ def test_a_rejected_stream_damps_the_arm_and_is_reported(rig):
     assert rig.speed < 0.01
 
 
-@pytest.mark.parametrize('mode', ['disconnected', 'idle', 'aligning'])
-def test_commands_before_ready_are_rejected(make_rig, mode):
-    rig = make_rig()
-    if mode != 'disconnected':
-        rig.run(0.02)
-    if mode == 'aligning':
-        rig.enable()
-        rig.run(0.1)
-    assert rig.bridge.mode == mode
-    assert not rig.send(velocity=[0.1] * 4)
-    assert rig.bridge.intake.rejections == {'not_ready': 1}
+def test_commands_before_ready_are_rejected(make_rig):
+    rig, modes = make_rig(), []
+    for step in (lambda: None, lambda: rig.run(0.02), rig.enable, lambda: rig.run(0.1)):
+        step()
+        modes.append(rig.bridge.mode)
+        assert not rig.send(velocity=[0.1] * 4)
+    assert modes == ['disconnected', 'idle', 'aligning', 'aligning']
+    assert rig.bridge.intake.rejections == {'not_ready': 4}
 
 
 def test_disable_switches_off_and_enabling_aligns_again(rig):
@@ -265,17 +256,6 @@ def test_disable_switches_off_and_enabling_aligns_again(rig):
     assert rig.bridge.mode == 'ready'
 
 
-def test_power_and_energy_of_holding_a_weight(make_rig):
-    rig = make_rig(position=[0.0, 0.6, 0.0, 0.0]).bring_up()
-    rig.run(0.7)
-    before = rig.bridge.power.energy.copy()
-    rig.run(1.0)
-    assert rig.bridge.power.source == 'model'
-    joule = 1.5 * 0.15 * rig.bridge.motor_current[1] ** 2
-    assert rig.bridge.motor_power[1] == pytest.approx(joule, rel=0.05)
-    assert (rig.bridge.power.energy - before)[1] == pytest.approx(joule, rel=0.05)
-
-
 def test_thesis_profile_runs_the_velocity_loop_and_reads_power(config, make_rig):
     rig = make_rig(config=replace(config, profile='laas_power')).bring_up()
     rig.bridge.references.set_gains(5.0, config.column('board_kd'), 2.0)
@@ -285,12 +265,6 @@ def test_thesis_profile_runs_the_velocity_loop_and_reads_power(config, make_rig)
     assert rig.bridge.motor_power[0] > 0.0
     assert not rig.send(effort=[0.0] * 4)
     assert rig.bridge.intake.rejections == {'unsupported': 1}
-
-
-def test_v2_boards_run_too(config, make_rig):
-    rig = make_rig(config=replace(config, profile='udriver_v2')).bring_up()
-    rig.run(0.5, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
-    assert rig.plant.velocity[0] == pytest.approx(0.5, abs=0.05)
 
 
 def test_motors_that_turn_against_their_joints(config, make_rig):
@@ -318,23 +292,6 @@ def test_late_and_missed_cycles_do_no_harm(rig):
         rig.run(1e-3, reference)
     assert rig.bridge.mode == 'running', rig.bridge.faults
     assert np.abs(rig.plant.velocity).max() < 2.0
-
-
-def weak(config, **changes):
-    """Return the arm with joint 4 changed."""
-    return replace(config, joints=(*config.joints[:3], replace(config.joints[3], **changes)))
-
-
-@pytest.mark.parametrize(
-    ('changes', 'text'),
-    [
-        ({'effort_max': 0.01}, 'effort_max = 0.01 Nm cannot carry the'),
-        ({'board_kd': 0.0}, 'kd of joint4 is 0 A s/rad'),
-    ],
-)
-def test_a_drive_that_could_not_damp_the_arm_is_refused(make_rig, config, changes, text):
-    with pytest.raises(ValueError, match=text):
-        make_rig(config=weak(config, **changes))
 
 
 def test_limits_that_no_frame_can_represent_are_rejected_at_start(config, robot, coarse_profile):

@@ -144,9 +144,14 @@ def test_a_board_of_the_other_kind_drops_its_error_when_disabled(config, make_ri
     assert rig.bridge.mode == 'fault'
     assert 'error 7' in rig.bridge.faults[0]
     assert rig.boards.boards[1].error == 0  # the bridge has disabled it
+    hint = rig.bridge.recovery_hint(emulated=False)
+    assert 'switch the supply' not in hint
+    assert hint.endswith("'arm clear_fault', 'arm enable'")
     assert rig.bridge.clear_fault().accepted
     rig.boards.carry()
     rig.bring_up()
+    rig.run(0.5, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
+    assert rig.plant.velocity[0] == pytest.approx(0.5, abs=0.05)
 
 
 def test_a_board_lost_while_off_is_not_a_fault_but_cannot_be_enabled(make_rig):
