@@ -85,6 +85,7 @@ def test_of_commands_lost_between_lost_answers_those_are_counted_that_are_certai
     wires.exchange()
     wires.exchange(out=False)
     wires.exchange(out=False, back=False)
+    assert wires.echo.unconfirmed == 2
     echo = wires.exchange(out=False)
     assert echo.lost == 0
     assert echo.unconfirmed == 3
@@ -92,6 +93,9 @@ def test_of_commands_lost_between_lost_answers_those_are_counted_that_are_certai
     # A command arrived while no answer did: the row has ended.
     wires.exchange(back=False)
     assert wires.exchange().lost_in_row == 0
+    for unconfirmed in (2, 3):
+        wires.exchange(back=False)
+        assert wires.echo.unconfirmed == unconfirmed
 
 
 @pytest.mark.parametrize('rate', [0.02, 0.2, 0.7])

@@ -127,6 +127,13 @@ def test_a_second_publisher_waits_until_the_first_is_silent(intake):
     assert offer(intake, source='first', now=5.12)
 
 
+def test_commands_shortly_after_the_last_one_do_not_revoke_an_intended_end(intake):
+    for late, is_concluded in ((0.05, True), (0.051, False)):
+        intake.conclude(5.0)
+        assert offer(intake, now=5.0 + late)
+        assert intake.is_concluded == is_concluded
+
+
 def test_a_rejected_command_gives_no_claim(intake):
     assert not offer(intake, velocity=None, source='broken')
     assert offer(intake, source='good')

@@ -150,6 +150,10 @@ def test_a_joint_out_of_bounds_demands_a_stop(q, dq, hint):
 
 
 def test_the_reason_for_a_stop_is_one_complete_sentence():
+    assert make_limiter().state_violation(3.02, 0.0) == (
+        'joint3 is at 3.020 rad, outside its limits -2.967 to 2.967: disable the arm, move it back '
+        'by hand, then clear the fault'
+    )
     assert make_limiter().state_violation(0.0, 6.3) == (
         'joint3 runs at 6.30 rad/s, above its limit of 5.00: check the controller and the encoder'
     )

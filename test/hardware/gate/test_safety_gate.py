@@ -147,3 +147,37 @@ def test_restart_forgets_the_effort(gate):
     gate.restart()
     out = limit(gate, command(tau=5.0), Q, 1e-3, now=0.0)
     assert out.tau == pytest.approx([1.0, 1.0, 0.5, 0.5])
+
+
+def test_barriers_receive_the_measurements_of_their_joints(gate):
+    received = []
+    for barrier in gate.barriers:
+        barrier.update = lambda *values: received.append(values)
+    effort, kept = np.array([1.0, 2.0, 3.0, 4.0]), [5.0, 6.0, 7.0, 8.0]
+    gate.watch(Q, DQ + 0.1, effort, [1.0, 2.0, 3.0, 4.0], CYCLE, kept, [0, 1, 2, 3])
+    for joint, (q, dq, torque, load, inertia, *others) in enumerate(received):
+        assert (q, dq, torque) == (Q[joint], 0.1, effort[joint])
+        assert (load, inertia) == (gate.loads[joint], gate.inertias[joint])
+        assert others == [joint + 1.0, 1e-3, kept[joint], joint > 1]
+
+
+def test_a_followed_command_is_braked_at_the_barriers_of_trusted_joints(gate):
+    motors = MotorReferences(load_arm_config(), load_profile(), reach_max=0.5).motors
+    for barrier in gate.barriers:
+        barrier.q, barrier.lowest, barrier.highest = 0.0, -9.0, 9.0
+    given = (command(tau=0.4), Q, 1e-3, 0.0, motors)
+    assert gate.follow(*given, [True] * 4) is False
+    assert [motor.torque(0.0, 0.0) for motor in motors] == pytest.approx([0.4] * 4)
+    gate.barriers[1].highest = gate.barriers[2].highest = 0.1
+    assert gate.follow(*given, [True, True, False, True]) is True
+    assert [motor.torque(0.0, 0.0) for motor in motors] == pytest.approx([0.4, 0.1, 0.4, 0.4])
+    gate.trip('a stop')
+    assert gate.follow(command(tau=0.0), *given[1:], [True] * 4) is False
+    assert motors[0].torque(0.0, 0.0) == pytest.approx(0.4)  # the caller damps it
+
+
+def test_a_warm_motor_limits_the_effort_of_its_joint(gate):
+    gate.limit_effort(1, 1.5)
+    for _ in range(50):
+        out = limit(gate, command(tau=5.0), Q, 1e-3, now=0.0)
+    assert out.tau == pytest.approx([5.0, 1.5, 5.0, 5.0])
