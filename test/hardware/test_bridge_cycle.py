@@ -64,22 +64,12 @@ def test_ready_holds_the_arm_where_it_was_without_a_jump(make_rig):
 
 
 def test_states_are_the_joints_states(rig):
-    reference = sine(rig.now)
-    rig.run(1.0, reference)
-    before = rig.bridge.motor_velocity.copy()
-    rig.run(1e-3, reference)
+    rig.run(1.0, sine(rig.now))
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=2e-3)
     assert rig.bridge.dq == pytest.approx(rig.plant.velocity, abs=0.1)
     assert rig.bridge.motor_position * rig.config.column('gear.ratio') == pytest.approx(
         rig.bridge.q
     )
-    # The sample at the end of a hold, led back to the mean of the cycle (1 ms, current lag
-    # 0.19 ms): by the angle that the motor has turned since, and by its change of velocity.
-    droop = 0.31e-3 * rig.config.column('board_kp') * rig.bridge.motor_velocity
-    droop += 0.31 * rig.config.column('board_kd') * (rig.bridge.motor_velocity - before)
-    mean_current = rig.bridge.motor_current + droop
-    torque = mean_current * rig.config.column('torque_per_ampere')
-    assert rig.bridge.tau == pytest.approx(torque)
 
 
 @pytest.mark.parametrize('seed', [None, 3])
@@ -114,31 +104,6 @@ def test_position_with_velocity_and_effort_is_the_full_law(rig):
         errors.append(rig.plant.position - wanted)
     with_weight_fed_forward = np.sqrt(np.mean(np.square(errors), axis=0))
     assert np.all(with_weight_fed_forward < 0.012), with_weight_fed_forward
-
-
-def test_effort_alone_is_torque_control(rig):
-    model = Dynamics(rig.robot)
-    rig.run(0.3, lambda now: (None, None, model.gravity(rig.bridge.q)))
-    assert rig.speed < 0.01
-    # More torque than friction and weight accelerates, without any stiffness holding on.
-    push = np.array([0.5, 0.0, 0.0, 0.0])
-    rig.run(0.15, lambda now: (None, None, model.gravity(rig.bridge.q) + push))
-    assert rig.plant.velocity[0] > 0.1
-    assert rig.bridge.tau[0] == pytest.approx(0.5, abs=0.1)
-    assert not rig.bridge.links[0].state.error
-
-
-def test_each_joint_in_its_own_mode(rig):
-    q = rig.bridge.q.copy()
-    nan = np.nan
-    position = np.array([q[0] + 0.1, nan, nan, nan])
-    velocity = np.array([nan, nan, 0.3, nan])
-    effort = np.array([nan, 0.0, nan, 0.0])
-    rig.run(0.5, lambda now: (position, velocity, effort))
-    moved = rig.plant.position - q
-    assert moved[0] == pytest.approx(0.1, abs=0.01)
-    assert moved[2] == pytest.approx(0.15, abs=0.02)
-    assert abs(moved[3]) < 0.01
 
 
 def test_silence_of_the_controller_damps_the_arm(make_rig):

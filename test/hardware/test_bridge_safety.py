@@ -53,15 +53,6 @@ def test_a_violation_stops_the_arm_for_good(rig, command, hint):
     assert rig.plant.velocity[0] > 0.3
 
 
-def test_effort_is_limited_by_the_boards_too(rig):
-    # A reference held far away would take the spring beyond the limit: the saturation stops it.
-    rig.run(0.01, lambda now: (rig.bridge.q + [0.0, 0.0, 0.0, 0.45], None, None))
-    saturation = rig.config.joints[3].effort_max / rig.config.joints[3].torque_per_ampere
-    command = rig.bridge.links[1]._command
-    assert command.current_saturation[1] == pytest.approx(saturation)
-    assert np.abs(rig.bridge.motor_current[3]) < saturation + 0.2
-
-
 def test_emergency_stop_is_latched_and_damped(rig):
     rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.5, 0.5], None))
     rig.bridge.e_stop('the button')
