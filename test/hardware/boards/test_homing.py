@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import DriveTrain
-from aerarm_ros.hardware.boards.homing import Homing, homing_range_problem
+from aerarm_ros.hardware.boards.homing import Homing, ZeroSearch
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedEncoder
 
 TURN = 2 * np.pi
@@ -300,7 +300,7 @@ def with_joint(config, number, **changes):
 def test_a_joint_homed_near_a_limit_turns_only_away_from_it(config, turn):
     for sign in (1, -1):
         near = with_joint(config, 2, position_min=-0.4 * turn[2], sign=sign)
-        assert not homing_range_problem(near)
+        assert not ZeroSearch(near, None).problem
         _, error, travels = homed(near, 0.0, 1.0, 1.0)
         assert np.abs(error).max() < 3e-4
         assert travels[:, 2].min() > -2e-3
