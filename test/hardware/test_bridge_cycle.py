@@ -106,10 +106,11 @@ def test_position_with_velocity_and_effort_is_the_full_law(rig):
     assert np.all(with_weight_fed_forward < 0.012), with_weight_fed_forward
 
 
-def test_silence_of_the_controller_damps_the_arm(make_rig):
+def test_silence_of_the_controller_damps_the_arm_until_it_is_enabled(make_rig):
     rig = make_rig(position=[0.0, 0.8, 0.0, 0.0]).bring_up()
     rig.run(0.5, lambda now: (None, [1.0, 0.0, 1.0, 1.0], None))
     assert rig.speed > 0.9
+    assert 'the arm follows a command' in rig.bridge.enable().message
     rig.run(0.04)
     assert rig.bridge.mode == 'running'
     height = rig.plant.position[1]
@@ -121,6 +122,15 @@ def test_silence_of_the_controller_damps_the_arm(make_rig):
     assert -1.0 < rig.plant.velocity[1] < 0.0
     assert rig.plant.position[1] < height
     assert not rig.bridge.gate.stop
+    answer = rig.bridge.enable()
+    assert answer.accepted
+    assert 'holds the arm in place' in answer.message
+    rig.run(0.3)
+    assert rig.bridge.mode == 'ready'
+    held = rig.plant.position
+    rig.run(0.5)
+    assert rig.plant.position == pytest.approx(held, abs=2e-3)
+    assert all(board.motors[0].ready for board in rig.boards.boards)  # without a new alignment
 
 
 def test_after_damping_a_good_command_is_followed_again_from_where_the_arm_is(rig):
@@ -131,24 +141,6 @@ def test_after_damping_a_good_command_is_followed_again_from_where_the_arm_is(ri
     rig.run(0.2, lambda now: (None, [0.0] * 4, None))
     assert rig.bridge.mode == 'running'
     assert rig.plant.position == pytest.approx(q, abs=0.01)
-
-
-def test_enabling_a_damped_arm_holds_it_where_it_is(make_rig):
-    rig = make_rig(position=[0.0, 0.8, 0.0, 0.0]).bring_up()
-    rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
-    assert 'the arm follows a command' in rig.bridge.enable().message
-    assert rig.bridge.mode == 'running'
-    rig.run(0.3)
-    assert rig.bridge.mode == 'damping'
-    answer = rig.bridge.enable()
-    assert answer.accepted
-    assert 'holds the arm in place' in answer.message
-    rig.run(0.3)
-    assert rig.bridge.mode == 'ready'
-    held = rig.plant.position
-    rig.run(0.5)
-    assert rig.plant.position == pytest.approx(held, abs=2e-3)
-    assert all(board.motors[0].ready for board in rig.boards.boards)  # without a new alignment
 
 
 def test_an_arm_that_is_to_be_held_at_the_end_of_commands_is_never_damped(make_rig):

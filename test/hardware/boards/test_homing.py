@@ -349,10 +349,3 @@ def test_pulses_that_are_commissioned_meanwhile_count_for_the_next_homing(make_r
     until_homed(rig)
     rig.run(0.1)
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=5e-4)
-    assert rig.bridge.recall.take_pulse_offset(pulses, False) == ''
-    assert 'the motors are on' in rig.bridge.recall.take_pulse_offset(0.0, False)
-    assert not rig.bridge.zeros.are_lost
-    rig.bridge.disable()
-    rig.cycle()
-    assert rig.bridge.recall.take_pulse_offset([1.0, 3.0, 0.0, 2.4], True) == ''
-    assert 'joint3 is unknown (commissioned since it was homed)' in rig.bridge.zeros.problem

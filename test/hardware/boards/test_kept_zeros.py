@@ -286,3 +286,24 @@ def test_which_counts_a_motion_without_power_can_explain(
     kept = KeptJoint('joint4', 1.0, 1.0 + before, 0.5, True, False)
     found = {recall._can_have_moved(3, kept, 1.0 + after, toggled, away) for toggled in toggles}
     assert found == ({is_possible} if is_possible is not None else {True, False})
+
+
+def test_new_index_pulses_lose_the_zeros_that_were_found_with_others(config):
+    mixed = replace(
+        config, boards=(replace(config.boards[0], encoders='absolute'), config.boards[1])
+    )
+    zeros = EncoderZeros(mixed)
+    zeros.found()
+    recall = ZeroRecall(mixed, zeros, (), np.zeros(4), pulse_offset=0.5)
+    assert recall.take_pulse_offset(0.5, False) == ''
+    assert recall.take_pulse_offset([0.5, 0.7, 0.5, 0.5], False) == (
+        'the motors are on: the bridge uses the new index pulses after its next restart'
+    )
+    assert recall.pulse_offset.tolist() == [0.5] * 4
+    assert recall.take_pulse_offset([0.5, 0.7, 0.5, 0.9], True) == ''
+    assert recall.pulse_offset.tolist() == [0.5, 0.7, 0.5, 0.9]
+    assert zeros.unknown == ['joint4']  # an absolute encoder keeps its zero
+    assert 'joint4 is unknown (commissioned since it was homed)' in zeros.problem
+    zeros.found()
+    assert recall.take_pulse_offset(0.9, True) == ''
+    assert zeros.unknown == ['joint3']
