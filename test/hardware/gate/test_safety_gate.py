@@ -149,16 +149,18 @@ def test_restart_forgets_the_effort(gate):
     assert out.tau == pytest.approx([1.0, 1.0, 0.5, 0.5])
 
 
-def test_barriers_receive_the_measurements_of_their_joints(gate):
-    received = []
-    for barrier in gate.barriers:
-        barrier.update = lambda *values: received.append(values)
+def test_barriers_receive_the_measurements_of_their_joints(gate, config, robot):
+    others = SafetyGate(config, BridgeSettings(), JointLoads(config, robot)).barriers
     effort, kept = np.array([1.0, 2.0, 3.0, 4.0]), [5.0, 6.0, 7.0, 8.0]
-    gate.watch(Q, DQ + 0.1, effort, [1.0, 2.0, 3.0, 4.0], CYCLE, kept, [0, 1, 2, 3])
-    for joint, (q, dq, torque, load, inertia, *others) in enumerate(received):
-        assert (q, dq, torque) == (Q[joint], 0.1, effort[joint])
-        assert (load, inertia) == (gate.loads[joint], gate.inertias[joint])
-        assert others == [joint + 1.0, 1e-3, kept[joint], joint > 1]
+    ages, intervals, unconfirmed = [1e-3, 2e-3, 3e-3, 4e-3], [1e-3, 1e-3, 2e-3, 2e-3], [0, 1, 2, 3]
+    for speed in (0.1, 0.2):
+        gate.watch(Q, DQ + speed, effort, ages, intervals, kept, unconfirmed)
+        for i, other in enumerate(others):
+            load, inertia, times = gate.loads[i], gate.inertias[i], (ages[i], intervals[i])
+            was_kept = unconfirmed[i] > 1
+            other.update(Q[i], speed, effort[i], load, inertia, *times, kept[i], was_kept)
+            for name in ('q', 'dq', 'filtered', 'load', 'lowest', 'highest'):
+                assert getattr(gate.barriers[i], name) == getattr(other, name), (i, name)
 
 
 def test_a_followed_command_is_braked_at_the_barriers_of_trusted_joints(gate):
