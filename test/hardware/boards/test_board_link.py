@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from aerarm_ros.hardware.boards.board_link import ArmMeasurements, make_links, resistance_by_boards
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
-from aerarm_ros.hardware.frames.board_messages import BoardState
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
@@ -219,37 +217,26 @@ def test_an_integral_gain_is_sent_where_the_frame_carries_it(config):
         assert wire.commands(board)[-1].integral_gain == pytest.approx([2.0, 2.0], rel=0.01)
 
 
-def answered(config, joint, fresh=True, **echo):
-    """Return a link to a board that answered with the motor state of one joint."""
-    state = BoardState()
-    for name, value in (('position', 2.0), ('velocity', 30.0), ('current', 4.0),
-                        ('quadrature_voltage', 5.0), ('index_toggle', True)):  # fmt: skip
-        getattr(state, name)[1] = value
-    monitor = SimpleNamespace(echo=SimpleNamespace(**echo), is_silent=not fresh)
-    return SimpleNamespace(
-        joints=[(joint, 1)], state=state, fresh=fresh, monitor=monitor, is_aligned=fresh,
-        interval=1e-3, interval_max=2e-3,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ('interval', 'hold'), [(1e-3, 1e-3), (0.0, 1e-5), (1.0, 5e-3), (math.inf, 5e-3)]
 )
 def test_measurements_are_in_joint_units_and_the_torque_is_the_mean_of_the_cycle(
-    config, interval, hold
+    config, links, interval, hold
 ):
     joint = replace(config.joints[2], sign=-1, offset=0.3)
     measured = ArmMeasurements(
         replace(config, joints=(*config.joints[:2], joint, config.joints[3]))
     )
-    link, zero, gains = (
-        answered(config, 2, unconfirmed=3, is_losing=True),
-        np.full(4, 0.5),
-        [(3.0, 0.2)] * 4,
-    )
-    link.interval = interval
+    link, channel = links[joint.board], joint.channel
+    state, echo = link.state, link.monitor.echo
+    state.position[channel], state.velocity[channel], state.current[channel] = 2.0, 30.0, 4.0
+    state.quadrature_voltage[channel], state.index_toggle[channel] = 5.0, True
+    link.monitor.good_frames, echo.rate, echo.unconfirmed = 1, 1.0, 3
+    link.fresh = link.is_aligned = True
+    link.interval, link.interval_max = interval, 2e-3
+    zero, gains = np.full(4, 0.5), [(3.0, 0.2)] * 4
     measured.read([link], zero, gains, 1e-4)
-    assert np.isnan(np.delete(measured.q, 2)).all()
+    assert np.isnan(measured.q[:2]).all()
     assert measured.motor_position[2] == 1.5
     assert measured.q[2] == pytest.approx(0.3 - 1.5 * joint.gear.ratio)
     assert measured.dq[2] == pytest.approx(-30.0 * joint.gear.ratio)
@@ -259,17 +246,18 @@ def test_measurements_are_in_joint_units_and_the_torque_is_the_mean_of_the_cycle
     assert (measured.motor_voltage[2], measured.reported_position[2]) == (5.0, 2.0)
     assert measured.index_toggle.tolist() == [False, False, True, False]
     for name in ('fresh', 'has_answered', 'driven'):
-        assert getattr(measured, name) == [False, False, True, False]
-    assert measured.unconfirmed == [0, 0, 3, 0]
-    assert measured.interval_max[2] == 2e-3
-    link.state.velocity[1] = 31.0
+        assert getattr(measured, name) == [False, False, True, True]
+    assert measured.unconfirmed == [0, 0, 3, 3]
+    assert measured.interval_max[2:] == [2e-3, 2e-3]
+    state.velocity[channel] = 31.0
     measured.read([link], zero, gains, 1e-4)
     mean = 4.0 + share * (3.0 * 31.0 + 0.2 / hold * 1.0)
     assert measured.tau[2] == pytest.approx(-mean * joint.torque_per_ampere)
     measured.read([link], zero, gains)  # the same states again
     assert measured.tau[2] == pytest.approx(-4.0 * joint.torque_per_ampere)
-    lost = answered(config, 2, fresh=False, unconfirmed=3, is_losing=False)
-    measured.read([lost], zero, gains, 1e-4)
+    link.fresh = link.is_aligned = False
+    link.monitor.good_frames, echo.rate, state.velocity[channel] = 0, 0.0, 32.0
+    measured.read([link], zero, gains, 1e-4)
     assert measured.unconfirmed == [0] * 4
     assert not any(measured.fresh + measured.has_answered + measured.driven)
     assert measured.motor_velocity[2] == 31.0
