@@ -54,13 +54,6 @@ def test_a_board_passes_through_all_modes_to_running_and_back():
     assert wire.good(enable=False) is BoardMode.IDLE
 
 
-def test_channels_without_a_motor_are_not_waited_for():
-    wire = Wire(channels=(1,))
-    wire.good(5)
-    changes = {'motor_enabled': [False, True], 'motor_ready': [False, True]}
-    assert wire.good(enable=True, system_enabled=True, **changes) is BoardMode.READY
-
-
 def test_a_board_is_connected_after_several_consecutive_good_answers():
     wire = Wire()
     wire.good(4)

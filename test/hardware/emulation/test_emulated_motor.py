@@ -112,24 +112,7 @@ def test_the_heat_that_flows_in_is_stored_or_flows_out():
     assert coarse.temperatures == pytest.approx(fine.temperatures, abs=0.3)
 
 
-def test_resistance_grows_by_0_39_percent_per_kelvin():
-    heat = EmulatedHeat(WARM)
-    assert heat.resistance == pytest.approx(0.15)
-    heat.warm(125.0)
-    assert heat.resistance / 0.15 == pytest.approx(1.385, abs=0.005)
-
-
 def test_iron_warms_a_motor_that_turns_without_current():
     heat = EmulatedHeat(WARM)
     heat.step(0.0, 150.0, 60.0)
     assert heat.temperatures[1] > ROOM + 1.0
-
-
-def test_made_motors_differ():
-    ends = set()
-    for seed in range(5):
-        heat = EmulatedHeat(WARM, seed)
-        heat.step(8.0**2, 0.0, 60.0)
-        ends.add(round(heat.copper, 3))
-    assert len(ends) == 5
-    assert 2.0 < max(ends) - min(ends) < 30.0

@@ -34,28 +34,6 @@ def test_packaged_profiles_are_complete(name):
         assert profile.sensor.has(quantity)
 
 
-def test_v2_differs_in_saturation_bytes_and_error_recovery():
-    v2, v3 = load_profile('udriver_v2'), load_profile('uomodri_v3')
-
-    def bits(profile):
-        return {e.motor: e.bit for e in profile.command.fields if e.name == 'current_saturation'}
-
-    assert bits(v3) == {1: 8, 2: 0}
-    assert bits(v2) == {1: 0, 2: 8}
-    assert v3.errors_until_power_cycle
-    assert not v2.errors_until_power_cycle
-    assert 'power-cycle' in v3.error_text(2)
-    assert 'power-cycle' not in v2.error_text(2)
-
-
-def test_largest_gains_are_those_of_the_protocol():
-    profile = load_profile()
-    assert profile.command.largest('kp') == pytest.approx(5.09, abs=0.01)
-    assert profile.command.largest('kd') == pytest.approx(0.611, abs=0.001)
-    assert profile.command.largest('current_saturation') == 31.875
-    assert profile.command.largest('integral_gain') == 0.0
-
-
 def test_own_profile_from_a_file(tmp_path):
     path = written(
         tmp_path, '{name: velocity, motor: 1, word: 2, type: i16, lsb: 2^-3, unit: krpm}'
