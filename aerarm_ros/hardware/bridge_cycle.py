@@ -84,6 +84,8 @@ class BridgeCycle:
         Checks of received commands, and safety gate; each has counters.
     links, zeros, recall, probe
         Board links, encoder zeros, recall of stored zeros, and the commissioning probe.
+    references
+        References and gains of the motors.
     heat
         Estimated motor temperatures, and torque limits of warm motors.
     cycles
@@ -120,19 +122,19 @@ class BridgeCycle:
         self.mode, self.cycles = 'disconnected', 0
         self._config = config
         self._transport = transport
-        self._references = MotorReferences(
+        self.references = MotorReferences(
             config, profile, settings.position_error_max, loads.damping_min
         )
         load_max = largest_gravity_load(robot) if load_max is None else load_max
         self._encoders = EncoderMonitor(config, settings.stall_time, load_max)
         self.zeros = EncoderZeros(config, profile.encoders)
-        known = (self.zeros, self.links, self._references.zero)
+        known = (self.zeros, self.links, self.references.zero)
         self.recall = ZeroRecall(config, *known, kept, pulse_offset)
-        self.heat = HeatWatch(config, settings, profile, self.gate, self.links, self._references)
-        self._loads = LoadWatch(config, robot, self._references)
+        self.heat = HeatWatch(config, settings, profile, self.gate, self.links, self.references)
+        self._loads = LoadWatch(config, robot, self.references)
         watched = (self.gate, self.links, self._encoders, self.zeros, self.heat)
         self._watch = FaultWatch(config, *watched, profile.errors_until_power_cycle)
-        parts = (self.links, self.state, self._references, loads, self._watch.refusal)
+        parts = (self.links, self.state, self.references, loads, self._watch.refusal)
         self.probe = CommissioningProbe(config, *parts)
         self._standstill = CommandBuffer.standstill(config.n)
         self._search = ZeroSearch(config, self.state, self.recall.pulse_offset)
@@ -205,17 +207,6 @@ class BridgeCycle:
         """
         ready = self.mode in COMMANDABLE
         return self.intake.offer(offered, now, ready=ready)
-
-    def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
-        """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].
-
-        Raises ValueError, and changes nothing, if the frame cannot represent one of the gains.
-        """
-        self._references.set_gains(kp, kd, integral_gain)
-
-    def check_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
-        """Raise ValueError for gains that `set_gains` would reject; any thread may call this."""
-        self._references.check_gains(kp, kd, integral_gain)
 
     def enable(self) -> Answer:
         """Request that the boards align and drive the motors. The arm moves, so support it."""
@@ -333,20 +324,20 @@ class BridgeCycle:
         self._transport.advance(now)
         # A board answers before it reads the command, so its answer results from the previous
         # command.
-        gains, feed_forward = self._references.gains, self._references.feed_forward
-        noise = self._references.braking_noise
+        gains, feed_forward = self.references.gains, self.references.feed_forward
+        noise = self.references.braking_noise
         running = self._choose_references(now, elapsed)
         probed = self.probe.drive(now, self.gate.stop)
         for link in self.links:
             enable = self._enabled and not (self.gate.stop and not link.may_be_damped)
-            link.exchange(self._references, enable or link is probed, running)
-        self._references.note_sent()
+            link.exchange(self.references, enable or link is probed, running)
+        self.references.note_sent()
         self._aligned = True
         for link in self.links:
             self._aligned = self._aligned and link.is_aligned
-        self.state.read(self.links, self._references.zero, gains, self._current_lag)
+        self.state.read(self.links, self.references.zero, gains, self._current_lag)
         if self.recall.is_on and self.recall.look():
-            self._set_zero(self._references.zero)
+            self._set_zero(self.references.zero)
         dt = _STEP_MAX if elapsed > _STEP_MAX else elapsed
         self.power.update(self.motor_current, self.motor_velocity, self.state.motor_voltage, dt)
         self.heat.update(self.state, elapsed, self._enabled)
@@ -365,7 +356,7 @@ class BridgeCycle:
 
     def _choose_references(self, now: float, elapsed: float) -> bool:
         """Select this cycle's motor references; return whether the arm follows a command."""
-        references, gate, state = self._references, self.gate, self.state
+        references, gate, state = self.references, self.gate, self.state
         if not self._enabled:
             references.switch_off()
             gate.reset_barriers()
@@ -390,7 +381,7 @@ class BridgeCycle:
 
     def _follow(self, now: float, dt: float, trusted: Sequence[bool]) -> bool:
         """Follow the command or damp the arm; return whether the arm follows a command."""
-        references, gate = self._references, self.gate
+        references, gate = self.references, self.gate
         command = None if gate.stop else self._current_command(now)
         is_braked = command is not None and gate.follow(
             command, self.q, dt, now, references.motors, trusted
@@ -432,8 +423,8 @@ class BridgeCycle:
 
     def _set_zero(self, zero: Array) -> None:
         """Set the encoder zeros: angles (n,) [rad] that the boards report at motor angle zero."""
-        self._references.set_zero(zero)
-        self.state.read(self.links, zero, self._references.gains)
+        self.references.set_zero(zero)
+        self.state.read(self.links, zero, self.references.gains)
 
     def _look_for_faults(
         self, now: float, feed_forward: Sequence[float], noise: Sequence[float]

@@ -21,77 +21,6 @@ from aerarm_ros.motion.signals import Array
 _BY_HAND = 'move the arm by hand to its home configuration'
 
 
-def recovery_hint(
-    emulated: bool,
-    boards: Sequence[tuple[int, str]] = (),
-    violation: bool = False,
-    driven: bool = True,
-    until_power_cycle: bool = True,
-    zero_unknown: bool = False,
-    absolute: bool = False,
-    latched: bool = True,
-    hot: str = '',
-) -> str:
-    """Return the steps by which the user recovers a stopped arm, with commands in quotes.
-
-    A driven arm holds its position if no board or encoder is in fault and no limit is exceeded.
-    In all other cases the motors must be switched off first, because a restarted board must
-    align, and clearing the fault of a driven arm would fail. Joints with a lost encoder zero are
-    homed from the home configuration. Emulated boards are repaired by a command; for real boards
-    the hint names manual steps.
-
-    Parameters
-    ----------
-    emulated
-        Whether the boards are emulated.
-    boards
-        Number and name of each board that is in the mode fault, or has an encoder with
-        implausible readings.
-    violation
-        Whether the arm is beyond a limit, so that the bridge would stop it again immediately.
-    driven
-        Whether all motors are still driven and aligned.
-    until_power_cycle
-        Whether the boards keep an error until their supply has been off.
-    zero_unknown
-        Whether the zero of an encoder is unknown.
-    absolute
-        Whether all encoders know their angles after a power cycle.
-    latched
-        Whether the stop is still latched; False if the motors are off and a zero is unknown.
-    hot
-        Text on how long to wait before a warm motor may be driven again, '' if no motor is too
-        warm.
-    """
-    if not latched:
-        return "'arm home'" if emulated else f"{_BY_HAND}, 'arm home'"
-    steps = []
-    through_idle = bool(boards) or violation or zero_unknown or bool(hot)
-    restarts = bool(boards) and (emulated or until_power_cycle)
-    homes = (zero_unknown or restarts) and not (absolute and restarts)
-    if through_idle:
-        steps += ["'arm disable'"] if emulated else ['support the arm', "'arm disable'"]
-    if emulated:
-        steps += [f"'arm fault power_cycle:{number}'" for number, _ in boards]
-    elif boards:
-        steps.append('repair the cause')
-        if until_power_cycle:
-            steps += [f'switch the supply of {name} off and on' for _, name in boards]
-    # the commands home and enable move an emulated arm to its home configuration
-    if not emulated and homes:
-        steps.append(_BY_HAND)
-    elif not emulated and violation:
-        steps.append('move the arm inside its limits by hand')
-    if hot:
-        steps.append(hot)
-    steps.append("'arm clear_fault'")
-    if homes:
-        steps.append("'arm home'")
-    elif through_idle or not driven:
-        steps.append("'arm enable'")
-    return ', '.join(steps)
-
-
 class FaultWatch:
     """Monitors boards, encoders and joints, and stops the arm through the gate after a fault.
 
@@ -196,27 +125,58 @@ class FaultWatch:
             gate.trip(violation)
 
     def recovery_hint(self, state: ArmMeasurements, driven: bool, emulated: bool) -> str:
-        """Return `recovery_hint` for the stopped arm; `driven` as there."""
-        trusted = self._encoders.trusted.tolist()
-        doubted = {
-            joint.board for joint, known in zip(self._joints, trusted, strict=True) if not known
-        }
+        """Return the steps by which the user recovers a stopped arm, with commands in quotes.
+
+        A driven arm holds its position if no board or encoder is in fault and no limit is exceeded.
+        In all other cases the motors must be switched off first, because a restarted board must
+        align, and clearing the fault of a driven arm would fail. Joints with a lost encoder zero
+        are homed from the home configuration. Emulated boards are repaired by a command; for real
+        boards the hint names manual steps.
+
+        Parameters
+        ----------
+        state
+            Measurements reported by the boards.
+        driven
+            Whether all motors are still driven and aligned.
+        emulated
+            Whether the boards are emulated.
+        """
+        if not self._gate.stop:  # the motors are off, and a zero is unknown
+            return "'arm home'" if emulated else f"{_BY_HAND}, 'arm home'"
+        rows = zip(self._joints, self._encoders.trusted.tolist(), strict=True)
+        doubted = {joint.board for joint, known in rows if not known}
         boards = [
-            (number, link.monitor.name)
+            number
             for number, link in enumerate(self._links)
             if link.monitor.fault or number in doubted
         ]
-        return recovery_hint(
-            emulated,
-            boards,
-            bool(self._gate.state_violation(state.q, state.dq)),
-            driven,
-            self._until_power_cycle,
-            self._zeros.are_lost,
-            all(self._zeros.absolute),
-            bool(self._gate.stop),
-            self._heat.wait,
-        )
+        violation, lost = self._gate.state_violation(state.q, state.dq), self._zeros.are_lost
+        through_idle = bool(boards or violation or lost or self._heat.wait)
+        restarts = bool(boards) and (emulated or self._until_power_cycle)
+        homes = (lost or restarts) and not (all(self._zeros.absolute) and restarts)
+        steps = []
+        if through_idle:
+            steps += ["'arm disable'"] if emulated else ['support the arm', "'arm disable'"]
+        if emulated:
+            steps += [f"'arm fault power_cycle:{number}'" for number in boards]
+        elif boards:
+            steps.append('repair the cause')
+            if restarts:
+                names = [self._links[number].monitor.name for number in boards]
+                steps += [f'switch the supply of {name} off and on' for name in names]
+        # the commands home and enable move an emulated arm to its home configuration
+        if not emulated and homes:
+            steps.append(_BY_HAND)
+        elif not emulated and violation:
+            steps.append('move the arm inside its limits by hand')
+        steps += [self._heat.wait] if self._heat.wait else []
+        steps.append("'arm clear_fault'")
+        if homes:
+            steps.append("'arm home'")
+        elif through_idle or not driven:
+            steps.append("'arm enable'")
+        return ', '.join(steps)
 
 
 # One sample every `_CYCLES` cycles; the mean covers about one second.

@@ -130,6 +130,14 @@ class SteadyClock:
         return now + self._offset
 
 
+OK, WARN, ERROR = 0, 1, 2
+
+
+# Limits for a warning and for an error, as in ros2_control: deviation of the mean rate [Hz], mean
+# and standard deviation of the execution time [s].
+_RATE_ERROR, _EXECUTION_MEAN, _EXECUTION_STD = (5.0, 10.0), (1e-3, 2e-3), (100e-6, 200e-6)
+
+
 class PeriodicLoop:
     """Calls a function once per period, at absolute deadlines.
 
@@ -225,7 +233,29 @@ class PeriodicLoop:
         interval, execution
             Summaries of the loop's statistics `interval` and `execution`.
         """
-        return assess_timing(self.period_ns * 1e-9, interval, execution)
+        if not interval.count:
+            return OK, 'no cycle yet'
+        rate, mean, std = 1.0 / interval.mean, execution.mean, execution.std
+        checks = (
+            (abs(rate - 1e9 / self.period_ns), _RATE_ERROR, f'rate is {rate:.1f} Hz'),
+            (
+                mean,
+                _EXECUTION_MEAN,
+                f'the execution of a cycle takes {mean * 1e6:.0f} us on average',
+            ),
+            (
+                std,
+                _EXECUTION_STD,
+                f'execution times of cycles have a standard deviation of {std * 1e6:.0f} us',
+            ),
+        )
+        levels = [
+            (int(value > warn) + (value > error), text) for value, (warn, error), text in checks
+        ]
+        worst = max(level for level, _ in levels)
+        if worst == OK:
+            return OK, f'{rate:.1f} Hz, {mean * 1e6:.0f} us per cycle'
+        return worst, '; '.join(text for level, text in levels if level == worst)
 
     def account(self) -> str:
         """Return a log line with the numbers of cycles and missed cycles, and the latency."""
@@ -340,46 +370,3 @@ class TimingStatistics:
         index = int(np.searchsorted(cumulative, math.ceil(share * cumulative[-1])))
         edge = self._maximum if index == self._last else (index + 1) * self._width
         return min(max(edge, self._minimum), self._maximum) / _NANOSECONDS
-
-
-OK, WARN, ERROR = 0, 1, 2
-
-
-# Limits for a warning and for an error, as in ros2_control: deviation of the mean rate [Hz], mean
-# and standard deviation of the execution time [s].
-_RATE_ERROR, _EXECUTION_MEAN, _EXECUTION_STD = (5.0, 10.0), (1e-3, 2e-3), (100e-6, 200e-6)
-
-
-def assess_timing(
-    period: float, interval: TimingSummary, execution: TimingSummary
-) -> tuple[int, str]:
-    """Return the level (OK, WARN or ERROR) of a loop's timing, and the reason.
-
-    Parameters
-    ----------
-    period
-        Desired period [s].
-    interval, execution
-        Measured periods and execution times.
-    """
-    if not interval.count:
-        return OK, 'no cycle yet'
-    rate = 1.0 / interval.mean
-    mean, std = execution.mean, execution.std
-    checks = (
-        (abs(rate - 1.0 / period), _RATE_ERROR, f'rate is {rate:.1f} Hz'),
-        (mean, _EXECUTION_MEAN, f'the execution of a cycle takes {mean * 1e6:.0f} us on average'),
-        (
-            std,
-            _EXECUTION_STD,
-            f'execution times of cycles have a standard deviation of {std * 1e6:.0f} us',
-        ),
-    )
-    levels = [
-        (ERROR if value > error else WARN if value > warn else OK, text)
-        for value, (warn, error), text in checks
-    ]
-    worst = max(level for level, _ in levels)
-    if worst == OK:
-        return OK, f'{rate:.1f} Hz, {execution.mean * 1e6:.0f} us per cycle'
-    return worst, '; '.join(text for level, text in levels if level == worst)

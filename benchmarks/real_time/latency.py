@@ -56,15 +56,8 @@ CONTROLLERS = (
 ASKED = 'computed_torque'  # also measured in parallel with a client of parameters
 NODE_LINE = '{:16}{:29}{:>11}{:>12}{:>10}{:>12}{:>7}{:>9}{:>9}'
 NODE_HEADINGS = (
-    'bridge',
-    'who answers',
-    'to torque',
-    'to command',
-    'answered',
-    'missed',
-    'cycle',
-    'bridge',
-    'answer',
+    *('bridge', 'who answers', 'to torque', 'to command', 'answered', 'missed'),
+    *('cycle', 'bridge', 'answer'),
 )
 SILENCE = 1.0  # [s] without a state after which a controller ends
 NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
@@ -250,13 +243,14 @@ def report(pairs: dict[str, tuple[dict[str, float], ...]]) -> None:
         for part, end in ((1, 'torque'), (0, 'command'))
         for name in ('p50', 'p99', 'p999')
     ]
-    rows.append(
-        ('CPU of the process that sends states', '%', 100.0, [b['cpu'] for b, _ in pairs.values()])
-    )
-    rows.append(
-        (('CPU of the process that answers'), '%', 100.0, [c['cpu'] for _, c in pairs.values()])
-    )
-    rows.append(('cycles with a command', '%', 100.0, [b['answered'] for b, _ in pairs.values()]))
+    rows += [
+        (label, '%', 100.0, [pair[part][name] for pair in pairs.values()])
+        for label, part, name in (
+            ('CPU of the process that sends states', 0, 'cpu'),
+            ('CPU of the process that answers', 1, 'cpu'),
+            ('cycles with a command', 0, 'answered'),
+        )
+    ]
     print(f'{"":38}' + ''.join(f'{name:>13}' for name in pairs) + f'{"ratio":>8}')
     for label, unit, scale, values in rows:
         cells = ''.join(f'{scale * value:13.1f}' for value in values)
@@ -280,20 +274,10 @@ def report_nodes(seconds: float, repeats: int) -> None:
         f = median(runs)
         spread = f'{min(r.missed for r in runs):.2f}-{max(r.missed for r in runs):.2f}'
         label = f'{name}, client' if ask else name
-        print(
-            NODE_LINE.format(
-                bridge,
-                label,
-                f'{f.torque:.0f}/{f.torque_99:.0f}',
-                f'{f.command:.0f}/{f.command_99:.0f}',
-                f'{f.answered:.2f}',
-                spread,
-                f'{f.cycle:.0f}',
-                f'{f.bridge:.1f}',
-                f'{f.controller:.1f}',
-            ),
-            flush=True,
-        )
+        torque, command = (f'{p50:.0f}/{p99:.0f}' for p50, p99 in (f[:2], f[2:4]))
+        loads = (f'{f.cycle:.0f}', f'{f.bridge:.1f}', f'{f.controller:.1f}')
+        cells = (bridge, label, torque, command, f'{f.answered:.2f}', spread, *loads)
+        print(NODE_LINE.format(*cells), flush=True)
 
 
 def main() -> None:

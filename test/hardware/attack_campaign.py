@@ -87,16 +87,8 @@ def run(
         config = replace(config, profile='laas_power')
         kp, kd = config.column('board_kp'), config.column('board_kd')
         gains = (kp, kd, random.uniform(1.0, 5.09, 4))
-    rig = AttackRig(
-        config,
-        robot,
-        posture=posture,
-        payload=payload,
-        seed=seed,
-        settings=settings,
-        gains=gains,
-        gravity=gravity,
-    ).bring_up()
+    made = {'posture': posture, 'payload': payload, 'seed': seed, 'gravity': gravity}
+    rig = AttackRig(config, robot, settings=settings, gains=gains, **made).bring_up()
     source = ATTACKS[attack](random)
     if lost_commands:
         rig.run(random.uniform(0.05, 0.6), source)
@@ -110,16 +102,9 @@ def run(
         arm += ''.join(f' {name} {gain.round(2)}' for name, gain in named)
     if gravity is not None:
         arm += f' gravity {gravity.round(1)}'
-    return Outcome(
-        attack,
-        number,
-        float(beyond.max()),
-        int(beyond.argmax()) + 1,
-        float(speed.max()),
-        int(speed.argmax()) + 1,
-        arm,
-        tuple(log.faults),
-    )
+    far, fast = (int(values.argmax()) for values in (beyond, speed))
+    worst = (float(beyond[far]), far + 1, float(speed[fast]), fast + 1)
+    return Outcome(attack, number, *worst, arm, tuple(log.faults))
 
 
 def _row(outcomes: list[Outcome]) -> str:
@@ -133,24 +118,16 @@ def _row(outcomes: list[Outcome]) -> str:
     )
 
 
-def _sweep(options: argparse.Namespace, rate: float) -> int:
-    """Run all attacks at one rate of lost commands; return the number of broken promises."""
-    settings = BridgeSettings(period=options.period)
-    runs = [
-        (name, number, _LOSING_SECONDS, settings, rate)
-        for name in options.only
-        for number in range(options.first, options.first + options.runs)
-    ]
-    outcomes = list(run_in_order(run, runs, options.processes))
-    broken = [
-        outcome
-        for outcome in outcomes
-        if outcome.speed > SPEED_MAX or outcome.is_doubted or not outcome.names_the_wire
-    ]
-    print(f'{100 * rate:4.0f} % lost  {_row(outcomes)[25:]}', flush=True)
-    for outcome in outcomes if options.verbose else broken:
-        print(f'  #{outcome.number}: {outcome}', flush=True)
-    return len(broken)
+def _report(outcomes: list[Outcome], losing: bool, verbose: bool) -> int:
+    """Print the runs that broke a promise, or all; return the number of the former."""
+    broken = 0
+    for outcome in outcomes:
+        is_bad = outcome.speed > SPEED_MAX or outcome.is_doubted
+        is_bad |= not outcome.names_the_wire if losing else outcome.beyond > BEYOND_MAX
+        broken += is_bad
+        if is_bad or verbose:
+            print(f'  #{outcome.number}: {outcome}', flush=True)
+    return broken
 
 
 def _zero_row(name: str, outcomes: list[ZeroOutcome]) -> str:
@@ -191,26 +168,23 @@ def main() -> int:
     parser.add_argument('--period', type=float, default=BridgeSettings().period, help="the host's")
     parser.add_argument('--lost-commands', type=float, nargs='*', default=[], metavar='RATE')
     options = parser.parse_args()
-    settings = BridgeSettings(period=options.period)
-    broken = 0
-    if options.lost_commands:
-        broken = sum(_sweep(options, rate) for rate in options.lost_commands)
-        print(f'{broken} runs broke a promise')
-        return 1 if broken else 0
-    numbers = range(options.first, options.first + options.runs)
-    names = [] if options.zeros_only else options.only
-    runs = [(name, number, _SECONDS, settings) for name in names for number in numbers]
-    results = run_in_order(run, runs, options.processes)
-    for _ in names:
-        outcomes = list(islice(results, len(numbers)))
-        print(_row(outcomes), flush=True)
-        for outcome in outcomes:
-            fast = outcome.speed > SPEED_MAX
-            bad = outcome.beyond > BEYOND_MAX or fast or outcome.is_doubted
-            broken += bad
-            if bad or options.verbose:
-                print(f'  #{outcome.number}: {outcome}', flush=True)
-    broken += _attack_zeros(options.only, numbers, options.processes)
+    settings, processes = BridgeSettings(period=options.period), options.processes
+    numbers, broken = range(options.first, options.first + options.runs), 0
+    for rate in options.lost_commands:
+        given = (_LOSING_SECONDS, settings, rate)
+        runs = [(name, number, *given) for name in options.only for number in numbers]
+        outcomes = list(run_in_order(run, runs, processes))
+        print(f'{100 * rate:4.0f} % lost  {_row(outcomes)[25:]}', flush=True)
+        broken += _report(outcomes, True, options.verbose)
+    if not options.lost_commands:
+        names = [] if options.zeros_only else options.only
+        runs = [(name, number, _SECONDS, settings) for name in names for number in numbers]
+        results = run_in_order(run, runs, processes)
+        for _ in names:
+            outcomes = list(islice(results, len(numbers)))
+            print(_row(outcomes), flush=True)
+            broken += _report(outcomes, False, options.verbose)
+        broken += _attack_zeros(options.only, numbers, processes)
     print(f'{broken} runs broke a promise')
     return 1 if broken else 0
 

@@ -175,7 +175,7 @@ class AttackRig:
         if homed:
             self.bridge.zeros.found()
         if gains is not None:
-            self.bridge.set_gains(*gains)
+            self.bridge.references.set_gains(*gains)
         self.cycles = 0
 
     @property

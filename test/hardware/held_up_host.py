@@ -233,14 +233,10 @@ def run(motion: str, number: int, seconds: float = 1.0, **delays: object) -> Tri
     random = np.random.default_rng([number, *motion.encode()])
     posture, source = MOTIONS[motion](random)
     script = RandomDelays(random, **delays)  # type: ignore[arg-type]
-    rig = AttackRig(
-        config,
-        robot,
-        posture=posture,
-        payload=float(random.choice([0.0, 0.5, 1.0])) * config.rated_payload[0],
-        seed=None if number % 3 == 0 else int(random.integers(1, 1000)),
-        delays=script,
-    ).bring_up()
+    payload = float(random.choice([0.0, 0.5, 1.0])) * config.rated_payload[0]
+    seed = None if number % 3 == 0 else int(random.integers(1, 1000))
+    made = {'posture': posture, 'payload': payload, 'seed': seed}
+    rig = AttackRig(config, robot, delays=script, **made).bring_up()
     before = len(rig.frames.times(0))
     log = rig.run(seconds, source)
     told = np.stack([rig.frames.commands(board)['enable_system'][before:] for board in (0, 1)])

@@ -139,7 +139,7 @@ def test_far_from_limits_commands_reach_the_boards_as_they_are(config, robot):
     rig = AttackRig(config, robot).bring_up()
     q, dq, tau = rig.bridge.q + 0.01, np.array([0.5, -0.5, 1.0, -1.0]), np.full(4, 0.3)
     rig.run(0.05, lambda rig: Offer(q, dq, tau))
-    drive = rig.bridge._references._drive
+    drive = rig.bridge.references._drive
     sent = [rig.frames.commands(board) for board in (0, 1)]
     for joint, config_joint in enumerate(config.joints):
         frame = sent[config_joint.board]

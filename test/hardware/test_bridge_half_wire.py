@@ -196,7 +196,7 @@ def test_a_loose_contact(config, robot):
 
 def test_references_that_no_frame_can_represent_do_not_drop_the_arm(config, robot):
     rig = AttackRig(config, robot, posture=STRETCHED, seed=13).bring_up()
-    motor = rig.bridge._references.motors[1]
+    motor = rig.bridge.references.motors[1]
     at = rig.now
     motor.set_zero(1e6)  # the board's count is far from where it says
     log = rig.run(0.2, lambda rig: Offer(velocity=[0.0] * 4))

@@ -11,7 +11,6 @@ import pytest
 from aerarm_ros.hardware.boards import homing
 from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.hardware.emulation.emulated_board import BoardFaults
-from aerarm_ros.hardware.fault_watch import recovery_hint
 
 MOVING = [0.8, 0.0, 0.8, 0.8]
 # What is found in motion, or where a current flows.
@@ -171,19 +170,6 @@ def test_the_stated_recovery_steps_clear_the_fault(
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=1e-3)
     rig.run(0.02, lambda now: (None, [0.2, 0.0, 0.0, 0.0], None))
     assert rig.bridge.mode == 'running', (steps, rig.bridge.faults)
-
-
-def test_the_recovery_hint_names_switches_and_homing_only_where_they_are_needed() -> None:
-    faulty = [(1, 'board1')]
-    assert 'switch the supply of board1' in recovery_hint(False, faulty)
-    kept = recovery_hint(False, faulty, until_power_cycle=False)
-    assert 'switch' not in kept
-    assert kept.endswith("'arm clear_fault', 'arm enable'")
-    assert recovery_hint(True, faulty).endswith("'arm home'")
-    assert recovery_hint(False, driven=False) == "'arm clear_fault', 'arm enable'"
-    by_hand = 'move the arm by hand to its home configuration'
-    lost = recovery_hint(False, zero_unknown=True)
-    assert lost.endswith(f"{by_hand}, 'arm clear_fault', 'arm home'")
 
 
 def test_after_clear_fault_an_intact_arm_is_held_in_place(rig) -> None:

@@ -31,6 +31,14 @@ def begun(rig):
     return rig
 
 
+def write(path, rig):
+    """Write the zeros of the rig's bridge."""
+    file = ZeroFile(path, rig.config)
+    assert file.read(rig.now) is None
+    file.update(rig.bridge, rig.now)
+    file.close()
+
+
 def test_zeros_are_written_once_a_second_and_when_one_changes(path, make_rig):
     rig = begun(make_rig())
     file = ZeroFile(path, rig.config)
@@ -51,19 +59,6 @@ def test_zeros_are_written_once_a_second_and_when_one_changes(path, make_rig):
     file.close()
     assert path.read_text() != second
     assert list(path.parent.iterdir()) == [path]
-
-
-def test_the_next_bridge_reads_the_written_state(path, make_rig):
-    rig = begun(make_rig())
-    file = ZeroFile(path, rig.config)
-    assert file.read(rig.now) is None
-    file.update(rig.bridge, rig.now)
-    file.close()
-    kept = ZeroFile(path, rig.config).read(rig.now + 1.0)
-    assert [board.name for board in kept.boards] == ['board0', 'board1']
-    rig.bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept)
-    rig.run(0.02)
-    assert rig.bridge.mode == 'idle'
 
 
 def contents(path):
@@ -89,10 +84,7 @@ def changed(text, old, new):
 )
 def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, reason):
     rig = begun(make_rig())
-    file = ZeroFile(path, rig.config)
-    file.read(rig.now)
-    file.update(rig.bridge, rig.now)
-    file.close()
+    write(path, rig)
     spoiled = spoil(path.read_text())
     path.write_bytes(spoiled if isinstance(spoiled, bytes) else spoiled.encode())
     kept = ZeroFile(path, rig.config).read(rig.now)
@@ -110,22 +102,20 @@ def test_the_next_bridge_knows_how_warm_the_motors_are(path, make_rig, away, lea
     rig = begun(make_rig())
     for limit in rig.bridge.heat.limits:
         limit.motor.winding, limit.motor.housing = 108.0, 80.0
-    file = ZeroFile(path, rig.config)
-    assert file.read(rig.now) is None
-    file.update(rig.bridge, rig.now)
-    file.close()
+    write(path, rig)
     kept = ZeroFile(path, rig.config).read(rig.now)
+    assert [board.name for board in kept.boards] == ['board0', 'board1']
     bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept)
     bridge.heat.recall(kept.heat, rig.now + away)
     for limit in bridge.heat.limits:
         assert least <= limit.motor.winding <= most
     assert ('has cooled to' in bridge.heat.refusal()) == (away < 60.0)
-
-
-def test_a_file_keeps_no_arm_off_for_ever(path, make_rig):
-    rig = begun(make_rig())
-    rig.bridge.heat.recall(KeptHeat(rig.now, (1e9,), (1e9,)), rig.now)
-    assert rig.bridge.heat.limits[0].motor.winding < 150.0
+    rig.bridge = bridge
+    rig.run(0.02)
+    assert bridge.mode == 'idle'
+    # No file keeps an arm off for ever.
+    bridge.heat.recall(KeptHeat(rig.now, (1e9,), (1e9,)), rig.now)
+    assert bridge.heat.limits[0].motor.winding < 150.0
 
 
 def test_no_file_and_one_that_cannot_be_written(tmp_path, make_rig):

@@ -55,6 +55,10 @@ def test_a_long_cycle_skips_deadlines_and_counts_them() -> None:
     assert loop.cycles == 20
     # The last cycle may have been too long as well.
     assert loop.missed >= indices[-1] + 1 - 20 >= 3
+    assert loop.lateness.count == loop.execution.count == 20
+    assert loop.interval.count == 19
+    assert loop.execution.summary().maximum >= 0.035
+    assert loop.interval.summary().minimum > 0.0
 
 
 def test_never_bursts_to_catch_up() -> None:
@@ -65,23 +69,6 @@ def test_never_bursts_to_catch_up() -> None:
     start = calls[0][0] - loop.lateness.summary().maximum * 1e9
     # A cycle never starts before its own deadline, so two are never closer than the grid.
     assert all(now >= start + index * 10 * MILLISECOND for now, index in calls)
-
-
-def test_measures_each_cycle() -> None:
-    loop = PeriodicLoop(5e-3)
-    run(loop, 10, busy={3: 0.012})
-    assert loop.lateness.count == loop.execution.count == 10
-    assert loop.interval.count == 9
-    assert loop.execution.summary().maximum >= 0.012
-    assert loop.interval.summary().minimum > 0.0
-
-
-def test_an_error_in_the_cycle_comes_out() -> None:
-    def cycle(now_ns: int, index: int) -> None:
-        raise RuntimeError('board gone')
-
-    with pytest.raises(RuntimeError, match='board gone'):
-        PeriodicLoop(1e-3).run(cycle)
 
 
 @pytest.mark.parametrize('period', [0.0, -1e-3, 1e-6, float('nan'), float('inf')])
@@ -97,25 +84,20 @@ def test_never_wakes_before_the_deadline() -> None:
         assert time.monotonic_ns() >= deadline
 
 
-def test_the_sleep_continues_after_a_signal_handler() -> None:
+def test_the_sleep_continues_after_a_signal_handler_and_ends_by_its_exception() -> None:
     caught = []
-    before = signal.signal(signal.SIGALRM, lambda *_: caught.append(time.monotonic_ns()))
+
+    def handle(*_: object) -> None:
+        caught.append(time.monotonic_ns())
+        if len(caught) > 1:
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, handle)
     try:
         deadline = time.monotonic_ns() + 200_000_000
         signal.setitimer(signal.ITIMER_REAL, 0.05)
         sleep_until(deadline)
-    finally:
-        signal.signal(signal.SIGALRM, before)
-    assert caught
-    assert caught[0] < deadline <= time.monotonic_ns()
-
-
-def test_an_exception_of_a_signal_handler_ends_the_sleep() -> None:
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGALRM, interrupt)
-    try:
+        assert caught[0] < deadline <= time.monotonic_ns()
         signal.setitimer(signal.ITIMER_REAL, 0.05)
         with pytest.raises(KeyboardInterrupt):
             sleep_until(time.monotonic_ns() + 30_000_000_000)
@@ -168,27 +150,16 @@ def make() -> tuple[SteadyClock, Clocks]:
     return SteadyClock(lambda: clocks.system, lambda: clocks.monotonic), clocks
 
 
-def test_is_the_system_time_while_that_is_steady() -> None:
-    clock, clocks = make()
-    stamps = stamps_of(clock, clocks, 100)
-    assert stamps[-1] == clocks.system
-    assert np.all(np.diff(stamps) == MILLISECOND)
-
-
 def test_steps_of_the_system_time_are_followed_slowly() -> None:
     clock, clocks = make()
+    stamps_of(clock, clocks, 100)
+    assert clock.now_ns() == clocks.system
     for step in (-50 * MILLISECOND, 30 * MILLISECOND):
         clocks.system += step
         stamps = stamps_of(clock, clocks, 1000)
         assert np.all(np.abs(np.diff(stamps) - MILLISECOND) <= 500e-6 * MILLISECOND)
     stamps_of(clock, clocks, 100_000)
     assert clock.now_ns() == clocks.system
-
-
-def test_a_clock_that_is_set_is_followed_at_once() -> None:
-    clock, clocks = make()
-    clocks.system += 3600 * 10**9
-    assert stamps_of(clock, clocks, 1)[0] == clocks.system
 
 
 @pytest.mark.parametrize('step', [0.6, -0.6, 5.0, -5.0, 3600.0, -3600.0])
@@ -202,12 +173,6 @@ def test_a_clock_that_is_set_while_the_arm_moves_is_followed_later(step: float) 
     clock.may_step = True
     assert stamps_of(clock, clocks, 1)[0] == clocks.system
     assert clock.behind == 0.0
-
-
-def test_follows_the_real_clock() -> None:
-    clock = SteadyClock()
-    stamps = [clock.now_ns() for _ in range(10_000)]
-    assert np.all(np.diff(stamps) >= 0)
 
 
 @given(st.lists(st.integers(0, 30_000_000), min_size=1, max_size=300))
@@ -237,9 +202,3 @@ def test_statistics_of_nothing_of_one_and_of_an_early_wake_up() -> None:
     assert (summary.count, summary.maximum, summary.std) == (1, -2e-6, 0.0)
     statistics.add(1000)
     assert statistics.summary().minimum == -2e-6
-
-
-@pytest.mark.parametrize(('resolution', 'span'), [(0.0, 1.0), (1e-3, 1e-4), (1e-6, np.inf)])
-def test_refuses_bins_that_make_no_sense(resolution: float, span: float) -> None:
-    with pytest.raises(ValueError, match='resolution < span'):
-        TimingStatistics(resolution, span)

@@ -72,14 +72,6 @@ def each(function):
 """
 
 
-def test_one_cpu_is_granted_to_all_threads() -> None:
-    code = (
-        f'{_IMPORT}{_THREAD}cpu = min(os.sched_getaffinity(0))\n'
-        'print(scheduling.set_affinity([cpu]), each(os.sched_getaffinity) == [{cpu}] * 2)'
-    )
-    assert run(code) == 'None True'
-
-
 def _may_use_fifo() -> bool:
     code = 'import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))'
     return subprocess.run([sys.executable, '-c', code], capture_output=True).returncode == 0
@@ -95,25 +87,19 @@ def test_fifo_is_granted_to_the_loop_and_one_below_it_to_the_others() -> None:
     assert run(code) == 'None 7 True [6, 7]'
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason='locking all memory needs root here')
-def test_memory_is_locked() -> None:
-    code = (
-        f'{_IMPORT}warning = scheduling.lock_memory()\n'
-        'locked = [x for x in open("/proc/self/status") if x.startswith("VmLck")][0].split()[1]\n'
-        'print(warning is not None or int(locked) > 0)'
-    )
-    assert run(code) == 'True'
-
-
 def test_a_priority_out_of_range_is_a_mistake() -> None:
     for priority in (1, 100, -5):
         with pytest.raises(ValueError, match='must lie in 2 .. 99'):
             scheduling.set_fifo(priority)
 
 
-def test_the_garbage_collector_stays_off() -> None:
+def test_one_cpu_is_granted_to_all_threads_and_the_garbage_collector_stays_off() -> None:
     code = (
-        f'{_IMPORT}print(scheduling.freeze_garbage_collector(), gc.isenabled(), '
-        'gc.get_freeze_count() > 0)'
+        f'{_IMPORT}{_THREAD}cpu = min(os.sched_getaffinity(0))\n'
+        'print(scheduling.set_affinity([cpu]), each(os.sched_getaffinity) == [{cpu}] * 2)\n'
+        'print(scheduling.freeze_garbage_collector(), gc.isenabled(), gc.get_freeze_count() > 0)\n'
+        'warning = scheduling.lock_memory()\n'
+        'locked = [x for x in open("/proc/self/status") if x.startswith("VmLck")][0].split()[1]\n'
+        'print(warning is not None or int(locked) > 0)'
     )
-    assert run(code) == 'None False True'
+    assert run(code) == 'None True\nNone False True\nTrue'

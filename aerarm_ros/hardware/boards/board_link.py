@@ -88,23 +88,18 @@ class Transport(Protocol):
 
     def open(self) -> None:
         """Open the SPI bus; if that fails, raise TransportError with advice on what to check."""
-        ...
 
     def close(self) -> None:
         """Close the SPI bus; do nothing if it is closed already."""
-        ...
 
     def advance(self, now: float) -> None:
         """Simulate emulated boards up to the time `now` [s, monotonic]; real boards ignore it."""
-        ...
 
     def exchange(self, board: int, frame: bytes) -> bytes:
         """Send a frame to a board; return the frame that the board sends back, b'' if none."""
-        ...
 
     def exchange_time(self, board: int) -> float:
         """Duration of the last frame exchange with a board [s]."""
-        ...
 
     def exchanged_at(self, board: int) -> float:
         """End time [s] of the last frame exchange with a board, on the clock of `advance`.
@@ -112,15 +107,12 @@ class Transport(Protocol):
         A board prepares its answer at most one period of its control loop before the exchange
         begins; the exchange begins `exchange_time` before its end.
         """
-        ...
 
     def problem(self, board: int) -> str:
         """Reason why the last frame exchange with a board failed; '' after a success."""
-        ...
 
     def self_test(self, profile: FrameProfile) -> Sequence[Answer]:
         """Test the open connection to each board while its motors are off; return the results."""
-        ...
 
 
 class BoardLink:
@@ -363,9 +355,7 @@ class MotorPower:
         self._is_known = False
         resistance = 1.5 * config.column('motor.resistance')
         torque_constant = config.column('motor.torque_constant')
-        self._motors = list(
-            zip(range(config.n), resistance.tolist(), torque_constant.tolist(), strict=True)
-        )
+        self._constants: list[list[float]] = np.stack([resistance, torque_constant], 1).tolist()
 
     def update(self, current: Array, velocity: Array, voltage: Array, dt: float) -> None:
         """Compute the motor powers (n,) and add their energy over the time `dt` [s].
@@ -377,13 +367,16 @@ class MotorPower:
                 return
             self._is_known = True
         is_reported = self.source == 'voltage'
-        for (motor, resistance, torque_constant), amps, speed, volts in zip(
-            self._motors, current.tolist(), velocity.tolist(), voltage.tolist(), strict=True
-        ):
-            per_ampere = 1.5 * volts if is_reported else resistance * amps + torque_constant * speed
-            watts = per_ampere * amps
-            self._joules[motor] += watts * dt
-            self.watts[motor], self.energy[motor] = watts, self._joules[motor]
+        currents, speeds, voltages = current.tolist(), velocity.tolist(), voltage.tolist()
+        for i, (resistance, torque_constant) in enumerate(self._constants):
+            amps = currents[i]
+            per_ampere = (
+                1.5 * voltages[i]
+                if is_reported
+                else resistance * amps + torque_constant * speeds[i]
+            )
+            self._joules[i] += per_ampere * amps * dt
+            self.watts[i], self.energy[i] = per_ampere * amps, self._joules[i]
 
 
 def resistance_by_boards(links: Sequence[BoardLink], n: int) -> Array:

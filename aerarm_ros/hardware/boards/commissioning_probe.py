@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from math import atan2, cos, inf, isfinite, pi, sin
+from math import inf, isfinite, pi
 from typing import Any
 
 import numpy as np
@@ -146,25 +146,23 @@ class ProbeReport:
         """Parse a commissioning report; raise ValueError with the reason if it is invalid."""
         fields = _object(text)
         try:
-            strokes = [Stroke(**stroke) for stroke in fields.pop('strokes')]
+            strokes = tuple(Stroke(**stroke) for stroke in fields.pop('strokes'))
             lists: dict[str, Any] = {
                 key: tuple(value) if isinstance(value, list) else value
                 for key, value in fields.items()
             }
-            report = cls(strokes=tuple(strokes), **lists)
+            report = cls(strokes=strokes, **lists)
             arrays = (report.boards, report.travel, report.span, report.pulses, report.pulse_angle)
-            n = len(lists['joints'])
+            n = len(report.joints)
             if not all(isinstance(array, tuple) and len(array) == n for array in arrays):
                 raise ValueError('an array of the report does not have one value per joint')
-            numbers = [*report.travel, *report.span, *report.pulses, report.current_max]
-            numbers += [angle for angle in report.pulse_angle if angle is not None]
-            for stroke in report.strokes:
-                numbers += [stroke.requested, stroke.measured, stroke.speed]
-            if not all(isfinite(number) for number in numbers):
+            angles = (angle for angle in report.pulse_angle if angle is not None)
+            by_stroke = (number for stroke in strokes for number in vars(stroke).values())
+            numbers = (*report.travel, *report.span, *report.pulses, *angles, *by_stroke)
+            if not all(map(isfinite, (*numbers, report.current_max))):
                 raise ValueError('a number in the report is not finite')
-            texts = [report.id, report.phase, report.reason, report.mode]
-            texts += [*report.joints, *report.boards]
-            if not all(isinstance(text, str) for text in texts):
+            texts = (report.id, report.phase, report.reason, report.mode, *report.joints)
+            if not all(isinstance(text, str) for text in (*texts, *report.boards)):
                 raise ValueError('a name or reason in the report is not a string')
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise ValueError(f'not a commissioning report: {error}') from None
@@ -413,9 +411,9 @@ class CommissioningProbe:
             mode=mode,
             joints=names,
             boards=tuple(by_board[joint.board] for joint in self._config.joints),
-            travel=tuple(count.travel),
-            span=tuple(high - low for low, high in zip(count.lowest, count.highest, strict=True)),
-            pulses=tuple(count.pulses),
+            travel=tuple(count.travel.tolist()),
+            span=tuple((count.highest - count.lowest).tolist()),
+            pulses=tuple(count.pulses.tolist()),
             pulse_angle=tuple(count.pulse_angle(i) for i in range(len(names))),
             strokes=self._drive.strokes() if phase == 'done' else (),
             current_max=self._current_max[self._joint],
@@ -430,50 +428,39 @@ def _board_problem(link: BoardLink) -> str:
 
 
 class _TravelCount:
-    """Rotation and index pulses of each motor since the commissioning request began."""
+    """Rotation and index pulses of each motor since the commissioning request began, (n,) each."""
 
     def __init__(self, state: ArmMeasurements) -> None:
         self._state = state
-        self._start: list[float] = state.reported_position.tolist()
-        self._last: list[float] = list(self._start)
-        self._toggles: list[bool] = state.index_toggle.tolist()
-        n = len(self._start)
-        self.travel, self.lowest, self.highest = [0.0] * n, [0.0] * n, [0.0] * n
-        self.pulses = [0] * n
-        self._sines, self._cosines = [0.0] * n, [0.0] * n
+        self._start = self._last = state.reported_position.copy()
+        self._toggles = state.index_toggle.copy()
+        self.travel, self.lowest, self.highest = np.zeros((3, len(self._start)))
+        self.pulses = np.zeros(len(self._start), int)
+        # sum of the angles of the pulses, as complex numbers of length 1
+        self._directions = np.zeros(len(self._start), complex)
 
     def look(self) -> None:
         state = self._state
-        rows = zip(
-            state.reported_position.tolist(),
-            state.index_toggle.tolist(),
-            state.interval,
-            strict=True,
-        )
-        for i, (position, toggle, interval) in enumerate(rows):
-            if not isfinite(self._start[i]):
-                self._start[i] = self._last[i] = position
-                self._toggles[i] = toggle
-            if not isfinite(position):
-                continue
-            travel = position - self._start[i]
-            self.travel[i] = travel
-            self.lowest[i] = min(self.lowest[i], travel)
-            self.highest[i] = max(self.highest[i], travel)
-            if toggle != self._toggles[i]:
-                self._toggles[i] = toggle
-                self.pulses[i] += 1
-                if interval < _BLURRED:
-                    angle = 0.5 * (position + self._last[i]) - self._start[i]
-                    self._sines[i] += sin(angle)
-                    self._cosines[i] += cos(angle)
-            self._last[i] = position
+        position, toggles = state.reported_position.copy(), state.index_toggle.copy()
+        # NaN until a board has answered
+        is_new, is_known = np.isnan(self._start), np.isfinite(position)
+        self._start = np.where(is_new, position, self._start)
+        self._last = np.where(is_new, position, self._last)
+        self._toggles = np.where(is_new, toggles, self._toggles)
+        self.travel = np.where(is_known, position - self._start, 0.0)
+        self.lowest = np.minimum(self.lowest, self.travel)
+        self.highest = np.maximum(self.highest, self.travel)
+        toggled = is_known & (toggles != self._toggles)
+        self.pulses += toggled
+        sharp = toggled & (np.array(state.interval) < _BLURRED)
+        angle = 0.5 * (position + self._last) - self._start
+        self._directions[sharp] += np.exp(1j * angle[sharp])
+        self._last, self._toggles = position, toggles
 
     def pulse_angle(self, joint: int) -> float | None:
         """Return the mean motor angle [rad] of index pulses modulo a turn; None without a pulse."""
-        if not (self._sines[joint] or self._cosines[joint]):
-            return None
-        return atan2(self._sines[joint], self._cosines[joint]) % (2.0 * pi)
+        direction = self._directions[joint]
+        return float(np.angle(direction)) % (2.0 * pi) if direction else None
 
 
 class _Drive:

@@ -308,11 +308,11 @@ class EncoderMonitor:
         current: Array,
         fresh: Sequence[bool],
         now: float,
-        feed_forward: Sequence[float] | None = None,
-        braking_noise: Sequence[float] | None = None,
-        interval_max: Sequence[float] | None = None,
-        inertias: Sequence[float] | None = None,
-        loads: Sequence[float] | None = None,
+        feed_forward: Sequence[float],
+        braking_noise: Sequence[float],
+        interval_max: Sequence[float],
+        inertias: Sequence[float],
+        loads: Sequence[float],
     ) -> str:
         """Check the encoders of all motors; return a description of a fault, '' without one.
 
@@ -325,38 +325,29 @@ class EncoderMonitor:
         now
             Time [s].
         feed_forward
-            n motor currents commanded as effort in the previous cycle [A] (boards answer before
-            they read a command); by default no effort was commanded.
+            n motor currents commanded as effort in the previous cycle [A]; boards answer before
+            they read a command.
         braking_noise
             n motor currents caused by encoder quantization in joints that the bridge brakes [A];
-            0 for all other joints. By default no joint is braked.
+            0 for all other joints.
         interval_max
-            n longest times in which the angles can have changed since the last check [s]. By
-            default the time between the values of `now`, which is too short if the host was
-            delayed.
+            n longest times in which the angles can have changed since the last check [s].
         inertias, loads
-            n joint inertias [kg m^2] and n loads computed with the model [Nm]; without both,
-            `ExpectedMotion` is not checked.
+            n joint inertias [kg m^2] and n loads computed with the model [Nm]; `ExpectedMotion` is
+            not checked for a joint with the inertia NaN.
         """
-        n = len(self._encoders)
-        given = [0.0] * n if feed_forward is None else feed_forward
-        noise = [0.0] * n if braking_noise is None else braking_noise
-        if interval_max is None:
-            intervals = [now - encoder.seen for encoder in self._encoders]
-        else:
-            intervals = list(interval_max)
         first = ''
         for i, encoder, angle, amps, commanded, noisy, is_fresh, interval, inertia, load in zip(
-            range(n),
+            range(len(fresh)),
             self._encoders,
             position.tolist(),
             current.tolist(),
-            given,
-            noise,
+            feed_forward,
+            braking_noise,
             fresh,
-            intervals,
-            inertias or [nan] * n,
-            loads or [0.0] * n,
+            interval_max,
+            inertias,
+            loads,
             strict=True,
         ):
             if not is_fresh:
@@ -375,36 +366,37 @@ class EncoderMonitor:
 
 
 class _Encoder:
-    """State of the encoder monitor for a single motor; all quantities refer to the motor side."""
+    """State of the encoder monitor for a single motor; all quantities refer to the motor side.
 
-    # The first check processes a change from NaN, which initializes all attributes that
-    # `check_standstill` reads.
-    __slots__ = (
-        'anchor',  # [rad] angle before a jump that awaits confirmation, NaN without one
-        'change',  # [rad] change of the angle since the previous check
-        'doubted_for',  # [s] duration of a standstill that awaits confirmation, NaN without one
-        'elapsed',  # [s] time since the previous check
-        'expected',  # estimate of the motion that the current must cause
-        'fastest',  # [rad/s] largest plausible speed
-        'held',  # [A] current that dry friction may hold
-        'has_jumped',  # whether the angle jumped and did not return
-        'is_confirmed',
-        'is_pause',
-        'is_settling',  # whether the last check saw motion
-        'jumps',
-        'load',  # [A] largest load
-        'model_scale',  # [A/Nm]
-        'moving_current',  # [A] motor current at or just after the last change of angle
-        'moving_feedback',  # [A] part of that current that was not commanded as effort
-        'moving_noise',  # [A] noise of that current, if the joint was braked
-        'name',
-        'position',  # [rad]
-        'seen',  # [s] time of the last check
-        'since_anchor',  # [s]
-        'speed',  # [rad/s] absolute speed at the last check without a jump
-        'standing',  # [s] duration of an implausible standstill
-        'stood_at',  # [rad] angle of that standstill, NaN after motion
-    )
+    The first check processes a change from NaN, which initializes all attributes that
+    `check_standstill` reads.
+
+    Attributes
+    ----------
+    anchor
+        Angle before a jump that awaits confirmation, NaN without one [rad].
+    change, elapsed
+        Change of the angle [rad] and time [s] since the previous check.
+    doubted_for
+        Duration of a standstill that awaits confirmation, NaN without one [s].
+    expected
+        Estimate of the motion that the current must cause.
+    fastest, speed
+        Largest plausible speed, and absolute speed at the last check without a jump [rad/s].
+    held, load
+        Currents that dry friction may hold, and that the largest load requires [A].
+    has_jumped, is_settling
+        Whether the angle jumped and did not return; whether the last check saw motion.
+    model_scale
+        Motor current per modelled load torque [A/Nm].
+    moving_current, moving_feedback, moving_noise
+        Motor current at or just after the last change of angle, the part of it that was not
+        commanded as effort, and its noise, if the joint was braked [A].
+    position, seen
+        Angle [rad] and time [s] of the last check.
+    standing, stood_at
+        Duration [s] of an implausible standstill, and its angle [rad], NaN after motion.
+    """
 
     def __init__(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,12 +139,8 @@ class EncoderZeros:
         return f'homing assumes that the arm is at its home configuration, {self._posture()}'
 
     def _posture(self) -> str:
-        return _in_words(self.names, self._rest_position)
-
-
-def _in_words(names: Sequence[str], angles: Sequence[float]) -> str:
-    rows = zip(names, angles, strict=True)
-    return ', '.join(f'{name} {angle:.4g}' for name, angle in rows) + ' rad'
+        rows = zip(self.names, self._rest_position, strict=True)
+        return ', '.join(f'{name} {angle:.4g}' for name, angle in rows) + ' rad'
 
 
 # [motor turns] A pulse farther than this from its expected angle cannot be assigned to a turn.
@@ -407,32 +403,6 @@ def homing_sides(config: ArmConfig) -> Array:
     return np.where(np.minimum(above, below) > _ROOM_BOTH_SIDES, 0.0, one_side)
 
 
-def motion_in_words(config: ArmConfig) -> str:
-    """Return a text that describes the homing motion, with the joints' travel [rad]."""
-    travel = _TURN * config.column('gear.ratio')
-    one_sided = homing_sides(config) != 0.0
-    side = 'up to two turns to one side' if one_sided.any() else 'to either side'
-    return (
-        f'the joints turn slowly by one motor turn ({travel.min():.2f} to {travel.max():.2f} '
-        f'rad), {side}, and return'
-    )
-
-
-def homing_range_problem(config: ArmConfig) -> str:
-    """Return a text if a joint has too little range for homing, with advice; otherwise ''."""
-    tight = np.isnan(homing_sides(config))
-    if not tight.any():
-        return ''
-    joint = int(np.argmax(tight))
-    turn = _TURN * config.joints[joint].gear.ratio
-    return (
-        f'{config.joint_names[joint]} cannot be homed, because homing needs '
-        f'{_ROOM_BOTH_SIDES * turn:.2f} rad from the home configuration to both position limits, '
-        f'or {_ROOM_ONE_SIDE * turn:.2f} rad to one: change rest_position or the limits, or use '
-        'an absolute encoder'
-    )
-
-
 class ZeroSearch:
     """Starts `Homing`, at once or after the motors' alignment, and updates it once per cycle.
 
@@ -454,8 +424,20 @@ class ZeroSearch:
     def __init__(
         self, config: ArmConfig, state: ArmMeasurements, pulse_offset: ArrayLike = 0.0
     ) -> None:
-        self.problem = homing_range_problem(config)
-        self.motion = motion_in_words(config)
+        sides, turn = homing_sides(config), _TURN * config.column('gear.ratio')
+        side = 'up to two turns to one side' if (sides != 0.0).any() else 'to either side'
+        self.motion = (
+            f'the joints turn slowly by one motor turn ({turn.min():.2f} to {turn.max():.2f} '
+            f'rad), {side}, and return'
+        )
+        self.problem = ''
+        for joint in np.flatnonzero(np.isnan(sides))[:1].tolist():
+            self.problem = (
+                f'{config.joint_names[joint]} cannot be homed, because homing needs '
+                f'{_ROOM_BOTH_SIDES * turn[joint]:.2f} rad from the home configuration to both '
+                f'position limits, or {_ROOM_ONE_SIDE * turn[joint]:.2f} rad to one: change '
+                'rest_position or the limits, or use an absolute encoder'
+            )
         self._config = config
         self._state = state
         self._pulse_offset = pulse_offset

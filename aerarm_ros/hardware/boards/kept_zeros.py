@@ -111,7 +111,7 @@ class KeptZeros:
 
     def text(self) -> str:
         """Return the stored state as text with a digest, as the state file contains it."""
-        return sealed(json.dumps(self, default=vars))
+        return sealed(json.dumps(self, default=_entry))
 
     @staticmethod
     def parse(text: str) -> KeptZeros:
@@ -356,6 +356,11 @@ def _to_keep(
     if not joints or not isfinite(link.answered_at):
         return None
     return KeptBoard(link.monitor.name, link.answered_at, state.timestamp, state.error, joints)
+
+
+def _entry(record: Any) -> dict[str, Any]:
+    """Return a record as an entry of a file; the compiled `KeptHeat` has no `__dict__`."""
+    return {item.name: getattr(record, item.name) for item in fields(record)}
 
 
 def _record(kind: type[_Record], entry: dict[str, Any]) -> _Record:

@@ -63,38 +63,6 @@ class MotorReference:
         Position reference at the joint [rad], NaN without a position reference.
     """
 
-    __slots__ = (
-        '_board_integral_gain',
-        '_board_kd',
-        '_board_kp',
-        '_braking_kd',
-        '_current_per_effort',
-        '_effort_max',
-        '_highest',
-        '_integrates',
-        '_intercept',
-        '_kd_max',
-        '_lowest',
-        '_most',
-        '_per_gain',
-        '_reach',
-        '_sent',
-        '_slope',
-        'load_current',
-        'current',
-        'current_max',
-        'effort_limit',
-        'integral',
-        'integral_gain',
-        'joint_position',
-        'kd',
-        'kp',
-        'noise',
-        'position',
-        'velocity',
-        'zero',
-    )
-
     def __init__(
         self,
         slope: float,
@@ -427,8 +395,8 @@ class MotorReferences:
     def set_zero(self, zero: Array) -> None:
         """Change `zero` (n,) [rad]; the motors do not move, but computed joint angles change."""
         self.zero[:] = zero
-        for motor, angle in zip(self.motors, zero.tolist(), strict=True):
-            motor.set_zero(angle)
+        for joint, angle in enumerate(zero.tolist()):
+            self.motors[joint].set_zero(angle)
 
     def switch_off(self) -> None:
         """Set currents, gains and integral terms to zero, as boards do that are off."""
@@ -438,13 +406,13 @@ class MotorReferences:
 
     def wind_up(self, q: Array, duration: float) -> None:
         """Advance the estimated integral terms by `duration` [s] at mean joint angles q [rad]."""
-        for motor, angle in zip(self.motors, q.tolist(), strict=True):
-            motor.wind_up(angle, duration)
+        for joint, angle in enumerate(q.tolist()):
+            self.motors[joint].wind_up(angle, duration)
 
     def torques(self, q: Array, dq: Array) -> Array:
         """Return the joint torques (n,) [Nm] that the boards' control laws request at q and dq."""
-        rows = zip(self.motors, q.tolist(), dq.tolist(), strict=True)
-        return np.array([motor.torque(angle, speed) for motor, angle, speed in rows])
+        speeds, motors = dq.tolist(), self.motors
+        return np.array([motors[i].torque(q_i, speeds[i]) for i, q_i in enumerate(q.tolist())])
 
     def note_sent(self) -> None:
         """Store the motor references that this cycle's frames carry to the boards."""
@@ -464,10 +432,10 @@ class MotorReferences:
         """
         if not any(unconfirmed):
             return [nan] * len(self.motors)
-        rows = zip(self.motors, q.tolist(), dq.tolist(), unconfirmed, strict=True)
+        angles, speeds, motors = q.tolist(), dq.tolist(), self.motors
         return [
-            motor.kept_torque(angle, speed, number) if number else nan
-            for motor, angle, speed, number in rows
+            motors[i].kept_torque(angles[i], speeds[i], number) if number else nan
+            for i, number in enumerate(unconfirmed)
         ]
 
     def keep_within(self, barriers: Sequence[JointBarrier], trusted: Sequence[bool]) -> bool:
@@ -483,20 +451,21 @@ class MotorReferences:
         bool
             Whether a joint is braked.
         """
-        rows = zip(self.motors, barriers, trusted, strict=True)
-        braked = [motor.keep_within(barrier) for motor, barrier, known in rows if known]
-        return True in braked
+        motors = self.motors
+        return True in [
+            motors[i].keep_within(barrier) for i, barrier in enumerate(barriers) if trusted[i]
+        ]
 
     def damp(self, speed_max: Array) -> None:
         """Damp all joints; limit currents to those that damp motor speeds (n,) [rad/s].
 
         A joint with speed 0, because its encoder is unreliable, gets no current.
         """
-        for motor, speed in zip(self.motors, speed_max.tolist(), strict=True):
+        for joint, speed in enumerate(speed_max.tolist()):
             if speed > 0.0:
-                motor.damp(speed)
+                self.motors[joint].damp(speed)
             else:
-                motor.release()
+                self.motors[joint].release()
 
     def _checked(self, name: str, gain: ArrayLike) -> Array:
         values, n = np.array(gain, dtype=float), len(self.motors)

@@ -318,7 +318,6 @@ class EmulatedBoard:
             motor.current_saturation = min(
                 command.current_saturation[i] or self._current_max[i], self._current_max[i]
             )
-            motor.compensate_index = command.index_offset_compensation[i]
             if self.error == 0 and command.enable_motor[i] != motor.enabled:
                 motor.enable(command.enable_motor[i])
 

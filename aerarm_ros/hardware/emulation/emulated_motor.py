@@ -86,12 +86,8 @@ class EmulatedEncoder:
         self.index_toggle = False
         self.stuck = False
 
-    def sample(self, angle: float, compensate_index: bool = False) -> None:
-        """Measure the motor angle, given its true value [rad]; call once per sub-step.
-
-        With `compensate_index`, the next index pulse shifts the position so that the pulse lies at
-        zero, like the firmware's index offset compensation.
-        """
+    def sample(self, angle: float) -> None:
+        """Measure the motor angle, given its true value [rad]; call once per sub-step."""
         if self._angle is None:
             self.place(angle)
         if self.stuck and self._angle is not None:
@@ -99,7 +95,7 @@ class EmulatedEncoder:
         self._angle = angle
         turn = self._turns(angle)
         if turn != self._turn:
-            self._pass_index(max(turn, self._turn), compensate_index)
+            self._pass_index()
             self._turn = turn
         position = self._quantised(angle)
         self.velocity += self._gain * ((position - self.position) / self._substep - self.velocity)
@@ -133,11 +129,7 @@ class EmulatedEncoder:
         """Emulate lost or doubled pulses: add an angle [rad] to the measured angle."""
         self._shift += angle
 
-    def _pass_index(self, turn: int, compensate: bool) -> None:
-        if compensate and not self.index_detected:
-            shift = -2.0 * pi * turn - self._pulse_offset
-            self.position += shift - self._shift  # the firmware's speed does not include this jump
-            self._shift = shift
+    def _pass_index(self) -> None:
         self.index_detected = True
         self.index_toggle = not self.index_toggle
 
@@ -278,8 +270,9 @@ class EmulatedMotor:
         Current that produces torque [A]; the plant multiplies it by the true torque constant.
     delivery
         Fraction of the target current that the driver delivers.
-    ready, alignment_failed
-        Whether the motor is aligned, and whether its alignment has failed.
+    enabled, ready, alignment_failed
+        Whether the board has enabled the motor, whether the motor is aligned, and whether its
+        alignment has failed.
     heat
         Thermal model of the motor.
     """
@@ -298,7 +291,6 @@ class EmulatedMotor:
         self.position = self.velocity = self.current = 0.0
         self.kp = self.kd = self.integral_gain = 0.0
         self.current_saturation = motor.current_max
-        self.compensate_index = False
         self.delivery = 1.0
         self.torque_current = 0.0
         self.target_current = 0.0
@@ -308,15 +300,10 @@ class EmulatedMotor:
         self._substep = substep
         self._alignment = alignment
         self._current_gain = 1.0 - exp(-_CURRENT_BANDWIDTH * substep)
-        self._enabled = False
+        self.enabled = False
         self._aligning_for = 0.0
         self._travel_start = 0.0
         self._integral = 0.0
-
-    @property
-    def enabled(self) -> bool:
-        """Whether the board has enabled the motor."""
-        return self._enabled
 
     @property
     def measured_current(self) -> float:
@@ -336,21 +323,21 @@ class EmulatedMotor:
 
     def enable(self, enabled: bool) -> None:
         """Enable or disable the motor; enabling first aligns a motor that is not aligned."""
-        if enabled and not self._enabled and not self.ready:
+        if enabled and not self.enabled and not self.ready:
             self._aligning_for = 0.0
-        self._enabled = enabled
+        self.enabled = enabled
         self._integral = 0.0 if not enabled else self._integral
 
     def forget_alignment(self) -> None:
         """Disable the motor, so that it is aligned again when it is enabled."""
-        self._enabled = self.ready = self.alignment_failed = False
+        self.enabled = self.ready = self.alignment_failed = False
         self._integral = 0.0
 
     def step(self, angle: float) -> None:
         """Advance the emulated motor by one sub-step at a true motor angle [rad]."""
         encoder = self.encoder
-        encoder.sample(angle, self.compensate_index)
-        if not self._enabled:
+        encoder.sample(angle)
+        if not self.enabled:
             self.target_current = 0.0
         elif self.ready:
             error = self.position - encoder.position

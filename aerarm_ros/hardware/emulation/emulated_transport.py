@@ -32,22 +32,22 @@ class AnswerWatch:
         Time between two states [ns].
     lag
         Number of the newest states that may remain unanswered.
+
+    Attributes
+    ----------
+    expects
+        Whether a controller answers the joint states at present.
     """
 
     def __init__(self, period_ns: int, lag: int) -> None:
         self._period_ns = period_ns
         self._lag = self._first_lag = lag
         self._answered_ns = 0
-        self._expects = False
-
-    @property
-    def expects(self) -> bool:
-        """Whether a controller answers the joint states at present."""
-        return self._expects
+        self.expects = False
 
     def note(self, stamp_ns: int, newest_ns: int) -> None:
         """Record the stamps [ns] of a received command and of the newest joint state."""
-        self._expects = self.is_answer(stamp_ns, newest_ns)
+        self.expects = self.is_answer(stamp_ns, newest_ns)
         self._answered_ns = stamp_ns
 
     def is_answer(self, stamp_ns: int, newest_ns: int) -> bool:
@@ -57,16 +57,16 @@ class AnswerWatch:
 
     def awaits(self, newest_ns: int) -> bool:
         """Whether the simulation must wait for a command before the next joint state."""
-        return self._expects and newest_ns - self._answered_ns > self._lag * self._period_ns
+        return self.expects and newest_ns - self._answered_ns > self._lag * self._period_ns
 
     def give_up(self) -> None:
         """Stop waiting until the controller answers again; then tolerate a larger lag."""
-        self._expects = False
+        self.expects = False
         self._lag = min(4 * self._lag + 1, _LAG_MAX)
 
     def forget(self) -> None:
         """Discard all answers and reset the tolerated lag, as no controller is left."""
-        self._expects = False
+        self.expects = False
         self._lag = self._first_lag
 
 
@@ -165,6 +165,11 @@ class EmulatedTransport:
         Simulation of the arm.
     config
         Connections of joints to boards, signs, offsets and gear ratios.
+
+    Attributes
+    ----------
+    is_carried
+        Whether an emulated hand supports the arm's weight.
     """
 
     def __init__(self, boards: Sequence[EmulatedBoard], plant: ArmPlant, config: ArmConfig) -> None:
@@ -229,7 +234,7 @@ class EmulatedTransport:
                 f'{limits.name} can turn from {limits.position_min:g} to {limits.position_max:g} '
                 f'rad, not to {angle:g}'
             )
-        if not self._carried:
+        if not self.is_carried:
             self.carry()
         self._hand = EmulatedHand(joint, float(self.plant.position[joint]), angle, self._seed)
         return self._hand.duration
@@ -256,15 +261,10 @@ class EmulatedTransport:
         """Return '', as the emulated bus never fails; frames show the faults of boards."""
         return ''
 
-    @property
-    def is_carried(self) -> bool:
-        """Whether an emulated hand supports the arm's weight."""
-        return self._carried
-
     def carry(self) -> None:
         """Stop the simulated arm and support its weight until every motor is ready."""
         self.plant.reset(self.plant.position)
-        self._carried = True
+        self.is_carried = True
         self.plant.support = 1.0
         for _, _, motor, _, _ in self._drives:
             motor.encoder.velocity = 0.0
@@ -329,8 +329,8 @@ class EmulatedTransport:
             self._hand = None
 
     def _release(self, duration: float) -> None:
-        if self._carried:
+        if self.is_carried:
             motors = [motor for _, _, motor, _, _ in self._drives]
-            self._carried = not all(motor.ready and motor.enabled for motor in motors)
+            self.is_carried = not all(motor.ready and motor.enabled for motor in motors)
         else:
             self.plant.support -= duration / _RELEASE_TIME

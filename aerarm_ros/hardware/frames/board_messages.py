@@ -27,7 +27,8 @@ class BoardCommand:
     position_rollover_error
         Whether the board stops with an error when a position leaves the range of its frame field.
     index_offset_compensation
-        Whether the position is reset at the encoder's index pulse; the bridge does not use this.
+        Whether the position is reset at the encoder's index pulse; the bridge does not use this,
+        and emulated boards ignore it.
     timeout
         Time without a valid frame after which the board stops [s]; never 0.
     position, velocity, current
@@ -56,10 +57,6 @@ class BoardCommand:
 
 
 TIMESTAMP_PERIOD = 65.536  # [s] after which a board's clock wraps
-
-
-def _measured_pair() -> list[float]:
-    return [0.0, 0.0]
 
 
 @dataclass(slots=True)
@@ -94,13 +91,13 @@ class BoardState:
     index_toggle: list[bool] = field(default_factory=_flags)
     error: int = 0
     timestamp: float = 0.0
-    position: list[float] = field(default_factory=_measured_pair)
-    velocity: list[float] = field(default_factory=_measured_pair)
-    current: list[float] = field(default_factory=_measured_pair)
-    coil_resistance: list[float] = field(default_factory=_measured_pair)
+    position: list[float] = field(default_factory=_pair)
+    velocity: list[float] = field(default_factory=_pair)
+    current: list[float] = field(default_factory=_pair)
+    coil_resistance: list[float] = field(default_factory=_pair)
     adc: list[int] = field(default_factory=lambda: [0, 0])
-    quadrature_voltage: list[float] = field(default_factory=_measured_pair)
-    bus_voltage: list[float] = field(default_factory=_measured_pair)
+    quadrature_voltage: list[float] = field(default_factory=_pair)
+    bus_voltage: list[float] = field(default_factory=_pair)
     index: int = 0
 
 

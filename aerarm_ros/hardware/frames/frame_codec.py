@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterable, Mapping
 from struct import Struct
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from aerarm_ros.hardware.frames.board_messages import BoardCommand, BoardState, crc32_mpeg2
 from aerarm_ros.hardware.frames.frame_profile import (
@@ -116,68 +116,57 @@ class FrameError(ValueError):
     """Error: a frame cannot represent a value of the record; the message names the value."""
 
 
+_Kind = TypeVar('_Kind', BoardCommand, BoardState)
+
+
 class FrameCodec:
     """Encoder and decoder for the frames of a profile, used by host and emulated boards.
 
     Encoding limits a value that its field cannot represent, unless a limited value is dangerous. A
     position out of range, a non-finite value, and a time-out or current saturation of zero or less
-    raise FrameError. Decoding never raises an exception.
-    """
-
-    def __init__(self, profile: FrameProfile) -> None:
-        self._command = _LayoutCodec(profile.command)
-        self._sensor = _LayoutCodec(profile.sensor)
-
-    def encode(self, command: BoardCommand) -> bytes:
-        """Encode a command as frame (34 bytes); raise FrameError if a value does not fit."""
-        return self._command.encode(command)
-
-    def decode(self, frame: bytes, into: BoardState | None = None) -> BoardState | None:
-        """Decode the board state from a sensor frame; return None if length or CRC is wrong.
-
-        With `into`, that record is filled and returned; an invalid frame leaves it unchanged.
-        """
-        payload = self._sensor.payload(frame)
-        if payload is None:
-            return None
-        state = BoardState() if into is None else into
-        self._sensor.fill(state, payload)
-        return state
-
-    def encode_state(self, state: BoardState) -> bytes:
-        """Encode an emulated board's sensor frame; raise FrameError if a value does not fit."""
-        return self._sensor.encode(state)
-
-    def decode_command(self, frame: bytes, into: BoardCommand | None = None) -> BoardCommand | None:
-        """Decode a command frame, as a board does; for the arguments see `decode`."""
-        payload = self._command.payload(frame)
-        if payload is None:
-            return None
-        command = BoardCommand() if into is None else into
-        self._command.fill(command, payload)
-        return command
-
-
-class _LayoutCodec:
-    """Encoder and decoder for the frames of one direction: commands or sensor frames.
+    raise FrameError. Decoding never raises an exception; it returns None if length or CRC are
+    wrong. A decoder fills and returns the record given as second argument, which an invalid frame
+    leaves unchanged, or else a new record.
 
     Attributes
     ----------
-    fill
-        Function that decodes a payload, whose CRC was valid, into a record.
+    encode, decode_command
+        Functions from a command to its frame (34 bytes), and back, as a board does.
+    decode, encode_state
+        Functions from a sensor frame to the board state, and back, as an emulated board does.
     """
 
-    def __init__(self, layout: FrameLayout) -> None:
+    def __init__(self, profile: FrameProfile) -> None:
+        self.command = _LayoutCodec(profile.command, BoardCommand)
+        self.sensor = _LayoutCodec(profile.sensor, BoardState)
+        self.encode, self.decode_command = self.command.encode, self.command.decode
+        self.decode, self.encode_state = self.sensor.decode, self.sensor.encode
+
+
+class _LayoutCodec(Generic[_Kind]):
+    """Encoder and decoder for the frames of one direction: commands or sensor frames."""
+
+    def __init__(self, layout: FrameLayout, kind: type[_Kind]) -> None:
+        self._kind: type[_Kind] = kind
         self._crc = _swapped_crc if layout.crc_words == 'low_first' else crc32_mpeg2
         self._struct, self._slots = _struct_of(layout)
         self._fields = layout.fields
         self._pack = unrolled_encoder(layout.fields, self._slots, self._struct)
-        self.fill = unrolled_decoder(layout.fields, self._slots, self._struct)
+        self._fill = unrolled_decoder(layout.fields, self._slots, self._struct)
 
-    def encode(self, record: Record) -> bytes:
+    def encode(self, record: _Kind) -> bytes:
         """Encode a record as frame; raise FrameError if a value does not fit."""
         payload = self._pack(record) or self._pack_limited(record)
         return payload + self._crc(payload)
+
+    def decode(self, frame: bytes, into: _Kind | None = None) -> _Kind | None:
+        """Decode the record of a frame, see `FrameCodec`."""
+        payload = frame[:_PAYLOAD_BYTES]
+        if len(frame) != FRAME_BYTES or frame[_PAYLOAD_BYTES:] != self._crc(payload):
+            return None
+        record = self._kind() if into is None else into
+        self._fill(record, payload)
+        return record
 
     def _pack_limited(self, record: Record) -> bytes:
         """Encode a record as payload, with values limited to the ranges of their fields."""
@@ -200,13 +189,6 @@ class _LayoutCodec:
                     count = _limited(count, value, entry)
             items[self._slots[entry.word]] |= count << entry.bit
         return self._struct.pack(*items)
-
-    def payload(self, frame: bytes) -> bytes | None:
-        """Return the payload of a frame; None if the frame's length or CRC is wrong."""
-        if len(frame) != FRAME_BYTES:
-            return None
-        payload = frame[:_PAYLOAD_BYTES]
-        return payload if frame[_PAYLOAD_BYTES:] == self._crc(payload) else None
 
 
 def _swapped_crc(payload: bytes) -> bytes:

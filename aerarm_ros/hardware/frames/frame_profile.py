@@ -83,21 +83,14 @@ class FrameField:
     def __post_init__(self) -> None:
         """Validate the entry; raises ProfileError."""
         where = f'frame field {self.name!r}'
-        if self.type not in TYPES:
-            raise ProfileError(
-                f'type {self.type!r} of {where} is unknown: choose one of {", ".join(TYPES)}'
-            )
-        if self.unit not in UNITS:
-            raise ProfileError(
-                f'unit {self.unit!r} of {where} is unknown: choose one of {", ".join(UNITS)}'
-            )
-        if self.motor not in (0, 1, 2):
-            raise ProfileError(f'motor {self.motor} of {where} must be 1, 2, or absent')
-        if self.overflow not in OVERFLOW_POLICIES:
-            raise ProfileError(
-                f'overflow {self.overflow!r} of {where} is unknown: choose one of '
-                f'{", ".join(OVERFLOW_POLICIES)}'
-            )
+        choices = {'type': TYPES, 'unit': UNITS, 'motor': (0, 1, 2), 'overflow': OVERFLOW_POLICIES}
+        for key, allowed in choices.items():
+            value = getattr(self, key)
+            if value not in allowed:
+                raise ProfileError(
+                    f'{key} {value!r} of {where} is unknown: choose one of '
+                    f'{", ".join(map(str, allowed))}'
+                )
         if not self.lsb > 0.0:
             raise ProfileError(f'lsb {self.lsb} of {where} must be above 0')
         if self.word < 0:

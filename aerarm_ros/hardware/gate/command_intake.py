@@ -26,12 +26,13 @@ class CommandBuffer:
     ----------
     q, dq, tau
         (n,) positions [rad], velocities [rad/s], efforts [Nm].
+    rows
+        (3, n) the same values.
     """
 
     def __init__(self, n: int) -> None:
-        self.q: Array = np.full(n, np.nan)
-        self.dq: Array = np.full(n, np.nan)
-        self.tau: Array = np.full(n, np.nan)
+        self.rows: Array = np.full((3, n), np.nan)
+        self.q, self.dq, self.tau = self.rows
 
     @classmethod
     def standstill(cls, n: int) -> 'CommandBuffer':
@@ -299,34 +300,30 @@ class CommandIntake:
         if key not in self._orders and not self._learn_order(key):
             return 'names'
         order = self._orders[key]
-        candidate = self._candidate
-        pairs = (
-            (candidate.q, offered.position),
-            (candidate.dq, offered.velocity),
-            (candidate.tau, offered.effort),
-        )
-        for target, values in pairs:
+        rows = self._candidate.rows
+        for row, values in enumerate((offered.position, offered.velocity, offered.effort)):
             if values is None or len(values) == 0:
-                target.fill(np.nan)
-            elif len(values) != len(target):
+                rows[row] = np.nan
+            elif len(values) != len(self._names):
                 return 'length'
             else:
-                target[:] = values
-                if order is not None:
-                    target[:] = target[order]
-        return self._value_fault(candidate)
-
-    def _value_fault(self, candidate: CommandBuffer) -> str:
+                rows[row] = values
+        if order is not None:
+            rows[:] = rows[:, order]
         # Lists are faster than arrays for so few values. The comparison detects NaN, which
         # differs from itself.
-        columns = (candidate.q.tolist(), candidate.dq.tolist(), candidate.tau.tolist())
-        for position, velocity, effort in zip(*columns, strict=True):
-            if position != position and velocity != velocity and effort != effort:
+        positions, velocities, efforts = lists = rows.tolist()
+        for joint, effort in enumerate(efforts):
+            if (
+                effort != effort
+                and positions[joint] != positions[joint]
+                and velocities[joint] != velocities[joint]
+            ):
                 return 'nan'
-        for values in columns:
-            if inf in values or -inf in values:
+        for numbers in lists:
+            if inf in numbers or -inf in numbers:
                 return 'infinite'
-        if not self._effort_supported and any(effort == effort for effort in columns[2]):
+        if not self._effort_supported and any(effort == effort for effort in efforts):
             return 'unsupported'
         return ''
 

@@ -209,49 +209,6 @@ class JointBarrier:
         motion.
     """
 
-    __slots__ = (
-        '_acceleration',
-        '_allowed',
-        '_approach',
-        '_corner',
-        '_cycle',
-        '_deceleration',
-        '_disturbance',
-        '_disturbance_max',
-        '_effort_max',
-        '_fastest',
-        '_gain_max',
-        '_gap_pull',
-        '_gap_room_min',
-        '_gap_speed',
-        '_gap_time',
-        '_is_known',
-        '_kept',
-        '_kept_acceleration',
-        '_kept_time',
-        '_lag',
-        '_last_speed',
-        '_modelled_load',
-        '_position_max',
-        '_position_min',
-        '_return',
-        '_speed',
-        '_turned',
-        '_turned_max',
-        '_unhindered',
-        'dq',
-        'far',
-        'filtered',
-        'highest',
-        'inertia',
-        'is_overwhelmed',
-        'is_released',
-        'load',
-        'lowest',
-        'noise',
-        'q',
-    )
-
     def __init__(
         self, joint: JointConfig, settings: BridgeSettings, deceleration: float, inertia_max: float
     ) -> None:

@@ -144,10 +144,13 @@ class JointLimiter:
         position = self._held(position, self._position_min, self._position_max, 'position')
         # A reference step is followed at the largest allowed speed.
         start = q if self._last_position != self._last_position else self._last_position
+        slowest, fastest = self._speeds(start)
+        lowest, highest = start + slowest * dt, start + fastest * dt
+        if lowest <= position <= highest:  # the usual case
+            return position
         step = self._velocity_max * dt
         position = self._held(position, start - step, start + step, 'velocity')
-        slowest, fastest = self._speeds(start)
-        return self._held(position, start + slowest * dt, start + fastest * dt, 'soft_zone')
+        return self._held(position, lowest, highest, 'soft_zone')
 
     def _limited_effort(self, effort: float, dt: float) -> float:
         effort = self._held(effort, -self.effort_limit, self.effort_limit, 'effort')
@@ -197,7 +200,7 @@ class SafetyGate:
     barriers
         One `JointBarrier` per joint, updated by `watch`.
     loads, inertias
-        Modelled loads [Nm] and inertias [kg m^2] at the last call of `watch`; empty before the
+        Modelled loads [Nm] and inertias [kg m^2] at the last call of `watch`; 0 and NaN before the
         first.
     """
 
@@ -218,8 +221,7 @@ class SafetyGate:
             JointLimiter(joint, settings, barrier)
             for joint, barrier in zip(config.joints, self.barriers, strict=True)
         ]
-        self.loads: list[float] = []
-        self.inertias: list[float] = []
+        self.loads, self.inertias = [0.0] * config.n, [nan] * config.n
 
     def trip(self, reason: str) -> None:
         """Stop the arm until `release`; keep the reason of an earlier stop."""
@@ -239,14 +241,13 @@ class SafetyGate:
 
     def is_inside(self, q: Array) -> bool:
         """Return whether all joint angles (n,) [rad] are within their limits or tolerances."""
-        return all(
-            joint.is_inside(value) for joint, value in zip(self._joints, q.tolist(), strict=True)
-        )
+        return all(self._joints[i].is_inside(angle) for i, angle in enumerate(q.tolist()))
 
     def state_violation(self, q: Array, dq: Array) -> str:
         """Return a text if a joint is beyond its limits at q [rad] and dq [rad/s], or ''."""
-        for joint, angle, speed in zip(self._joints, q.tolist(), dq.tolist(), strict=True):
-            if violation := joint.state_violation(angle, speed):
+        angles, speeds = q.tolist(), dq.tolist()
+        for i, joint in enumerate(self._joints):
+            if violation := joint.state_violation(angles[i], speeds[i]):
                 return violation
         return ''
 
@@ -363,30 +364,30 @@ class SafetyGate:
         bool
             Whether a joint is braked at its barrier.
         """
-        columns = (command.q.tolist(), command.dq.tolist(), command.tau.tolist(), q.tolist())
-        for joint, position, velocity, effort, angle in zip(self._joints, *columns, strict=True):
-            violation = joint.command_violation(position, velocity, effort, angle)
+        positions, velocities, efforts = command.rows.tolist()
+        angles = q.tolist()
+        for i, joint in enumerate(self._joints):
+            violation = joint.command_violation(positions[i], velocities[i], efforts[i], angles[i])
             if violation:
                 self.trip(violation)
         is_followed, is_braked = not self.stop, False
-        for joint, motor, is_trusted, position, velocity, effort, angle in zip(
-            self._joints, motors, trusted, *columns, strict=True
-        ):
-            joint.limit(position, velocity, effort, angle, dt)
+        for i, joint in enumerate(self._joints):
+            joint.limit(positions[i], velocities[i], efforts[i], angles[i], dt)
             for name in joint.limited:
                 self._note(name, now)
             if is_followed:
-                motor.track(joint.position, joint.velocity, joint.effort, angle, dt)
-                if is_trusted and motor.keep_within(joint.barrier):
+                motors[i].track(joint.position, joint.velocity, joint.effort, angles[i], dt)
+                if trusted[i] and motors[i].keep_within(joint.barrier):
                     is_braked = True
         return is_braked
 
     def _faster_than(self, share: float, dq: Array) -> str:
         """Return a text that names joints faster than `share` of their speed limit, or ''."""
+        speeds = np.abs(dq).tolist()
         moving = [
-            f'{joint.name} moves at {abs(speed):.2f} rad/s'
-            for joint, speed in zip(self._config.joints, dq.tolist(), strict=True)
-            if abs(speed) > share * joint.velocity_max
+            f'{joint.name} moves at {speeds[i]:.2f} rad/s'
+            for i, joint in enumerate(self._config.joints)
+            if speeds[i] > share * joint.velocity_max
         ]
         return ', '.join(moving)
 

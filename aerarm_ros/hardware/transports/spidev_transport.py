@@ -3,6 +3,7 @@
 import errno
 import importlib.util
 from collections.abc import Callable
+from functools import partial
 from time import monotonic, sleep
 from typing import Any
 
@@ -256,46 +257,41 @@ def self_test(
     list of Answer
         One result per board.
     """
-    codec = FrameCodec(profile)
-    return [
-        _test_board(transport, number, config, codec, pause) for number in range(len(config.boards))
-    ]
+    answers = []
+    for number, board in enumerate(config.boards):
+        count_good = partial(_count_good, transport, number, profile, pause)
+        good = count_good()
+        result = (
+            f'{board.name} on {board.device} at {board.clock_hz / 1e6:g} MHz, mode {board.mode}: '
+            f'{good} of {_EXCHANGES} answers had a correct checksum'
+        )
+        if not good:
+            result += _reason(transport, number, board, count_good)
+        elif good < _GOOD_SHARE * _EXCHANGES:
+            result += ': shorten the cable or lower clock_hz'
+        answers.append(Answer(good >= _GOOD_SHARE * _EXCHANGES, result))
+    return answers
 
 
-def _test_board(
-    transport: SpidevTransport,
-    number: int,
-    config: ArmConfig,
-    codec: FrameCodec,
-    pause: Callable[[float], None],
-) -> Answer:
-    board = config.boards[number]
-    place = f'{board.name} on {board.device} at {board.clock_hz / 1e6:g} MHz'
-    good = _count_good(transport, number, codec, pause)
-    result = f'{place}, mode {board.mode}: {good} of {_EXCHANGES} answers had a correct checksum'
-    if good >= _GOOD_SHARE * _EXCHANGES:
-        return Answer(True, result)
-    if good:
-        return Answer(False, f'{result}: shorten the cable or lower clock_hz')
+def _reason(
+    transport: SpidevTransport, number: int, board: BoardConfig, count_good: Callable[[], int]
+) -> str:
+    """Return why a board gives no valid answer in its configured mode."""
     if transport.problem(number):
-        return Answer(False, f'{result}: {transport.problem(number)}')
+        return f': {transport.problem(number)}'
     for mode in _MODES:
         transport.set_mode(number, mode)
-        works = mode != board.mode and _count_good(transport, number, codec, pause) > 0
+        works = mode != board.mode and count_good() > 0
         transport.set_mode(number, board.mode)
         if works:
-            return Answer(
-                False, f'{result}, but mode {mode} works: set the key mode of this board to {mode}'
-            )
-    return Answer(
-        False, f'{result}, and no other mode works: check the supply of the board and the SPI wires'
-    )
+            return f', but mode {mode} works: set the key mode of this board to {mode}'
+    return ', and no other mode works: check the supply of the board and the SPI wires'
 
 
 def _count_good(
-    transport: SpidevTransport, number: int, codec: FrameCodec, pause: Callable[[float], None]
+    transport: SpidevTransport, number: int, profile: FrameProfile, pause: Callable[[float], None]
 ) -> int:
-    good = 0
+    codec, good = FrameCodec(profile), 0
     for index in range(_EXCHANGES):
         frame = codec.encode(BoardCommand(index=index))
         good += codec.decode(transport.exchange(number, frame)) is not None

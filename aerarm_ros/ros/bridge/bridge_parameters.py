@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Mapping
+from dataclasses import Field, fields
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,102 +20,20 @@ from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, REAL_TIME_PARAMETERS
 
-_DEFAULTS = BridgeSettings()
 AUTO = 'auto'
 """Value of the parameter `state_file` that selects the default path."""
 
-# Name: (unit, description) of the settings that `BridgeSettings` accepts unchanged.
-_SETTINGS = {
-    'command_timeout': (
-        's',
-        'age of the last accepted joint command above which the bridge damps the arm',
-    ),
-    'stamp_age_max': (
-        's',
-        'age of a joint state above which the bridge rejects a command computed from this '
-        'joint state',
-    ),
-    'board_timeout': (
-        's',
-        'time without a valid frame after which a board switches its motors off',
-    ),
-    'bad_frames_max': (
-        '',
-        'number of consecutive invalid frames from a board at which the bridge enters fault',
-    ),
-    'lost_commands_max': (
-        '',
-        'number of consecutive lost commands at which the bridge enters fault; a lost command '
-        'has not reached a board that still sends frames',
-    ),
-    'lost_commands_warning': (
-        '',
-        'fraction of commands that a board has not received during the last second, above which '
-        'the bridge warns',
-    ),
-    'state_age_max': (
-        's',
-        'time for which all data of a board may stay unchanged before the bridge enters fault',
-    ),
-    'exchange_time_max': (
-        's',
-        'duration above which an exchange of SPI frames with the boards counts as slow',
-    ),
-    'slow_exchanges_max': (
-        '',
-        'number of consecutive slow exchanges at which the bridge enters fault',
-    ),
-    'connect_frames': (
-        '',
-        'number of consecutive valid frames after which a board counts as connected',
-    ),
-    'alignment_timeout': (
-        's',
-        'duration of the motor alignment above which the bridge enters fault',
-    ),
-    'soft_zone': (
-        'rad',
-        'distance from a position limit below which the bridge slows a motion towards the limit',
-    ),
-    'position_tolerance': (
-        'rad',
-        'distance beyond a position limit above which the bridge enters fault',
-    ),
-    'velocity_factor': (
-        '',
-        'measured or commanded joint speed above which the bridge enters fault, as a multiple of '
-        'the velocity limit',
-    ),
-    'effort_factor': (
-        '',
-        'commanded joint torque above which the bridge enters fault, as a multiple of the effort '
-        'limit',
-    ),
-    'position_error_max': (
-        'rad',
-        'distance between position reference and joint position above which the bridge enters '
-        'fault',
-    ),
-    'velocity_lag': ('s', "time constant of the low-pass filter in the boards' velocity estimate"),
-    'current_lag': (
-        's',
-        "time constant of the boards' current control, for the estimate of the mean torque",
-    ),
-    'stall_time': (
-        's',
-        'time without motion above which the bridge enters fault, for a joint whose torque is '
-        'large enough to move it',
-    ),
-    'ambient_temperature': (
-        'degC',
-        'temperature of the air around the motors, for the estimate of motor temperatures',
-    ),
-    'start_temperature': (
-        'degC',
-        'motor temperature that the bridge assumes at its start; set it to ambient_temperature '
-        'if the motors are cold',
-    ),
-}
+_PERIOD, *_LIMITS = fields(BridgeSettings)
+
+
+def _parameter(setting: Field[Any], group: str = '') -> Parameter:
+    """Return the parameter of a setting of the bridge."""
+    about = setting.metadata
+    default: Any = setting.default
+    low, high = about['bounds']
+    text, unit = about['description'], about['unit']
+    return Parameter(setting.name, default, text, unit, low, high, group=group)
+
 
 TRANSPORT = Parameter(
     'transport',
@@ -126,13 +45,7 @@ TRANSPORT = Parameter(
 BRIDGE_PARAMETERS = (
     *ARM_FILES,
     DRONE_FILE,
-    Parameter(
-        'period',
-        _DEFAULTS.period,
-        "period of the bridge's cycle",
-        's',
-        *BridgeSettings.BOUNDS['period'],
-    ),
+    _parameter(_PERIOD),
     COMMISSIONING_PARAMETER,
     Parameter(
         'autostart',
@@ -194,15 +107,8 @@ BRIDGE_PARAMETERS = (
         )
     ),
     *(
-        Parameter(
-            name,
-            getattr(_DEFAULTS, name),
-            description,
-            unit,
-            *BridgeSettings.BOUNDS[name],
-            group='Limits at which the bridge slows, damps or stops the arm',
-        )
-        for name, (unit, description) in _SETTINGS.items()
+        _parameter(setting, 'Limits at which the bridge slows, damps or stops the arm')
+        for setting in _LIMITS
     ),
 )
 
@@ -236,7 +142,9 @@ def make_transport(name: str, config: ArmConfig) -> Transport:
 
 def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
     """Convert the node's parameters to the settings of the bridge's cycle."""
-    return BridgeSettings(**{name: getattr(values, name) for name in ('period', *_SETTINGS)})
+    return BridgeSettings(
+        **{name: getattr(values, name) for name in BridgeSettings.__dataclass_fields__}
+    )
 
 
 def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | None:

@@ -248,7 +248,7 @@ class HardwareBridge(LifecycleNode):
             )
             if isinstance(kept, KeptZeros) and kept.heat:
                 self.cycle.heat.recall(kept.heat, time.monotonic())
-            self.cycle.check_gains(*self._gains())
+            self.cycle.references.check_gains(*self._gains())
         except Exception as error:  # rclpy would drop it without a message
             kind = '' if isinstance(error, ValueError | OSError) else f'{type(error).__name__}: '
             self._problem = f'not configured: {kind}{error}'
@@ -328,7 +328,7 @@ class HardwareBridge(LifecycleNode):
     def _parameter_problem(self, changes: Mapping[str, Any]) -> str:
         if self.cycle is not None and changes.keys() & _GAINS:
             try:
-                self.cycle.check_gains(*self._gains(changes))
+                self.cycle.references.check_gains(*self._gains(changes))
             except ValueError as error:
                 return f'gains of the boards rejected: {error}'
         return self.world.parameter_problem(changes)
@@ -350,7 +350,7 @@ class HardwareBridge(LifecycleNode):
         return Answer(False, followed_by(answer.message, recovery_hint))
 
     def _set_gains(self, cycle: BridgeCycle) -> Answer:
-        cycle.set_gains(*self._gains())
+        cycle.references.set_gains(*self._gains())
         return Answer(True, 'the gains were set')
 
     # The cycle, in the main thread.

@@ -38,12 +38,6 @@ class ReplayedBoards:
         self._answers = iter(answers)
         self._now = 0.0
 
-    def open(self) -> None:
-        """Do nothing; no device is used."""
-
-    def close(self) -> None:
-        """Do nothing; no device is used."""
-
     def advance(self, now: float) -> None:
         """Store the time."""
         self._now = now

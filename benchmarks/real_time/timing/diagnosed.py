@@ -20,7 +20,6 @@ class Diagnosed:
     def __init__(self, node: Node, bridge: str) -> None:
         self._node = node
         self.values: dict[str, dict[str, str]] = {}
-        self.messages: dict[str, str] = {}
         self._client = AsyncParameterClient(node, bridge)
         self._subscription = node.create_subscription(
             DIAGNOSTICS.type, DIAGNOSTICS.name, self._on_diagnostics, DIAGNOSTICS.qos
@@ -32,8 +31,8 @@ class Diagnosed:
         while (left := end - time.monotonic()) > 0.0:
             rclpy.spin_once(self._node, timeout_sec=left)
 
-    def wait_for(self, status: str, key: str = '') -> None:
-        """Wait until a status, with a value if `key` is given, has been received.
+    def wait_for(self, status: str, key: str) -> None:
+        """Wait until a status with a value of this key has been received.
 
         Raises
         ------
@@ -41,16 +40,15 @@ class Diagnosed:
             If the status does not arrive.
         """
         end = time.monotonic() + 20.0
-        while key not in self.values.get(status, {}) if key else status not in self.values:
+        while key not in self.values.get(status, {}):
             if time.monotonic() > end:
                 raise ArmClientError(
                     f'no diagnostics of {status} {key} in 20 s: check the load of this computer'
                 )
             self.spin(0.1)
 
-    def use_parameters(self, seconds: float) -> int:
-        """Get and set a parameter ten times per second; return the number of responses."""
-        answers = 0
+    def use_parameters(self, seconds: float) -> None:
+        """Get and set a parameter ten times per second."""
         for step in range(round(seconds / CLIENT_PERIOD)):
             start = time.monotonic()
             gains = [Parameter('board_kd', value=[0.2 + 0.001 * (step % 50)])]
@@ -59,9 +57,7 @@ class Diagnosed:
                 self._client.get_parameters(['board_kd', 'period']),
             ):
                 rclpy.spin_until_future_complete(self._node, future, timeout_sec=1.0)
-                answers += future.done()
             self.spin(start + CLIENT_PERIOD - time.monotonic())
-        return answers
 
     def destroy(self) -> None:
         """Destroy the subscription."""
@@ -71,4 +67,3 @@ class Diagnosed:
         for status in message.status:
             part = status.name.rsplit(' ', 1)[-1]
             self.values[part] = {item.key: item.value for item in status.values}
-            self.messages[part] = status.message

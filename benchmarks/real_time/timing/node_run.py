@@ -113,7 +113,7 @@ def _run(
     diagnosed = Diagnosed(node, bridge)
     stack.callback(diagnosed.destroy)
     arm.wait_for_mode(['running'], 60.0)
-    diagnosed.wait_for('timing')
+    diagnosed.wait_for('timing', 'cycles')
     diagnosed.wait_for(controller, 'answer p50 [us]')
     diagnosed.spin(WARM_UP)
     return _figures(diagnosed, {'bridge': master, controller: slave}, seconds, ask)

@@ -1,11 +1,12 @@
 """One board under the bridge's commands, on an emulated board with fixed motor shafts."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.boards.board_link import make_links
+from aerarm_ros.hardware.boards.board_link import ArmMeasurements, make_links, resistance_by_boards
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
@@ -214,3 +215,86 @@ def test_an_integral_gain_is_sent_where_the_frame_carries_it(config):
     talk(links, wire, references, 1, enable=True)
     for board in (0, 1):
         assert wire.commands(board)[-1].integral_gain == pytest.approx([2.0, 2.0], rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ('interval', 'hold'), [(1e-3, 1e-3), (0.0, 1e-5), (1.0, 5e-3), (math.inf, 5e-3)]
+)
+def test_measurements_are_in_joint_units_and_the_torque_is_the_mean_of_the_cycle(
+    config, links, interval, hold
+):
+    joint = replace(config.joints[2], sign=-1, offset=0.3)
+    measured = ArmMeasurements(
+        replace(config, joints=(*config.joints[:2], joint, config.joints[3]))
+    )
+    link, channel = links[joint.board], joint.channel
+    state, echo = link.state, link.monitor.echo
+    state.position[channel], state.velocity[channel], state.current[channel] = 2.0, 30.0, 4.0
+    state.quadrature_voltage[channel], state.index_toggle[channel] = 5.0, True
+    link.monitor.good_frames, echo.rate, echo.unconfirmed = 1, 1.0, 3
+    link.fresh = link.is_aligned = True
+    link.interval, link.interval_max = interval, 2e-3
+    zero, gains = np.full(4, 0.5), [(3.0, 0.2)] * 4
+    measured.read([link], zero, gains, 1e-4)
+    assert np.isnan(measured.q[:2]).all()
+    assert measured.motor_position[2] == 1.5
+    assert measured.q[2] == pytest.approx(0.3 - 1.5 * joint.gear.ratio)
+    assert measured.dq[2] == pytest.approx(-30.0 * joint.gear.ratio)
+    share = max(0.5 * hold - 1e-4, 0.0)
+    mean = 4.0 + share * 3.0 * 30.0  # without a previous velocity
+    assert measured.tau[2] == pytest.approx(-mean * joint.torque_per_ampere)
+    assert (measured.motor_voltage[2], measured.reported_position[2]) == (5.0, 2.0)
+    assert measured.index_toggle.tolist() == [False, False, True, False]
+    for name in ('fresh', 'has_answered', 'driven'):
+        assert getattr(measured, name) == [False, False, True, True]
+    assert measured.unconfirmed == [0, 0, 3, 3]
+    assert measured.interval_max[2:] == [2e-3, 2e-3]
+    state.velocity[channel] = 31.0
+    measured.read([link], zero, gains, 1e-4)
+    mean = 4.0 + share * (3.0 * 31.0 + 0.2 / hold * 1.0)
+    assert measured.tau[2] == pytest.approx(-mean * joint.torque_per_ampere)
+    measured.read([link], zero, gains)  # the same states again
+    assert measured.tau[2] == pytest.approx(-4.0 * joint.torque_per_ampere)
+    link.fresh = link.is_aligned = False
+    link.monitor.good_frames, echo.rate, state.velocity[channel] = 0, 0.0, 32.0
+    measured.read([link], zero, gains, 1e-4)
+    assert measured.unconfirmed == [0] * 4
+    assert not any(measured.fresh + measured.has_answered + measured.driven)
+    assert measured.motor_velocity[2] == 31.0
+
+
+def test_age_and_reliable_motion_of_measurements(config):
+    measured = ArmMeasurements(config)
+    assert not any(measured.fresh + measured.has_answered + measured.driven)
+    assert measured.unconfirmed == [0] * 4
+    measured.fresh = [True, True, False, False]
+    assert measured.age(2.0, 1.0) == ([1.0, 1.0, math.inf, math.inf], [math.inf] * 2 + [0.0] * 2)
+    measured.fresh = [False, True, True, False]
+    assert measured.age(0.5, 1.5)[0] == [0.0, 0.0, 0.0, math.inf]  # the clock went back
+    assert measured.age(3.0, 2.5) == ([2.0, 0.5, 0.5, math.inf], [0.0, 1.0, 1.0, 0.0])
+    measured.q[:], measured.dq[:] = [1.0, 2.0, 3.0, 4.0], 5.0
+    assert measured.reliable_motion([True] * 4)[0].tolist() == [1.0, 2.0, 3.0, 4.0]
+    measured.q[:] = 9.0
+    q, dq = measured.reliable_motion([True, False, True, True])
+    assert (q.tolist(), dq.tolist()) == ([9.0, 2.0, 9.0, 9.0], [5.0, 0.0, 5.0, 5.0])
+
+
+def test_one_motor_alone_is_driven_and_waited_for(links, wire, references):
+    talk(links, wire, references, 10)
+    links[0].drive_only(1)
+    wire.boards[0].motors[1].ready = True
+    talk(links, wire, references, 3, enable=True)
+    assert links[0].is_aligned
+    assert [motor.enabled for motor in wire.boards[0].motors] == [False, True]
+    links[0].drive_only(None)
+    assert not links[0].is_aligned
+    talk(links, wire, references, 1, enable=True)
+    assert [motor.enabled for motor in wire.boards[0].motors] == [True, True]
+
+
+def test_resistances_are_those_that_the_boards_report(links, wire, references):
+    assert np.isnan(resistance_by_boards(links, 4)).all()
+    wire.boards[1].motors[0].heat.warm(125.0)
+    talk(links, wire, references, 2)
+    true = [motor.heat.resistance for board in wire.boards for motor in board.motors]
+    assert resistance_by_boards(links, 4) == pytest.approx(true, rel=0.01)

@@ -28,12 +28,14 @@ class Wires:
         return self.echo
 
 
-def test_on_good_wires_nothing_is_lost():
-    wires = Wires()
-    for _ in range(10):
-        echo = wires.exchange()
+@pytest.mark.parametrize('echoes', [True, False])
+def test_on_good_wires_and_without_an_index_nothing_is_lost(echoes):
+    wires = Wires(echoes)
+    for _ in range(50):
+        echo = wires.exchange(out=echoes)
     assert (echo.lost, echo.lost_in_row, echo.rate, echo.unconfirmed) == (0, 0, 0.0, 1)
     assert not echo.is_losing
+    assert not echo.is_cut
     assert echo.warning == ''
 
 
@@ -64,20 +66,13 @@ def test_lost_commands_in_a_row_are_a_cut_wire():
     assert not wires.echo.is_cut
 
 
-def test_an_exchange_lost_both_ways_is_a_bad_frame_and_no_lost_command():
+@pytest.mark.parametrize('both', [True, False])
+def test_lost_answers_are_no_lost_commands_whether_the_command_arrives_or_not(both):
     wires = Wires()
-    random = np.random.default_rng(1)
-    for whole in (random.random(2000) > 0.5).tolist():
-        wires.exchange(out=whole, back=whole)
-    assert wires.echo.lost == 0
-    assert wires.echo.rate == 0.0
-
-
-def test_lost_answers_are_no_lost_commands():
-    wires = Wires()
-    for whole in (np.random.default_rng(2).random(2000) > 0.5).tolist():
-        wires.exchange(back=whole)
-    assert wires.echo.lost == wires.echo.lost_in_row == 0
+    for whole in (np.random.default_rng(1 + both).random(2000) > 0.5).tolist():
+        wires.exchange(out=whole or not both, back=whole)
+    assert (wires.echo.lost, wires.echo.rate) == (0, 0.0)
+    assert both or wires.echo.lost_in_row == 0
 
 
 def test_of_commands_lost_between_lost_answers_those_are_counted_that_are_certain():
@@ -85,6 +80,7 @@ def test_of_commands_lost_between_lost_answers_those_are_counted_that_are_certai
     wires.exchange()
     wires.exchange(out=False)
     wires.exchange(out=False, back=False)
+    assert wires.echo.unconfirmed == 2
     echo = wires.exchange(out=False)
     assert echo.lost == 0
     assert echo.unconfirmed == 3
@@ -92,6 +88,9 @@ def test_of_commands_lost_between_lost_answers_those_are_counted_that_are_certai
     # A command arrived while no answer did: the row has ended.
     wires.exchange(back=False)
     assert wires.exchange().lost_in_row == 0
+    for unconfirmed in (2, 3):
+        wires.exchange(back=False)
+        assert wires.echo.unconfirmed == unconfirmed
 
 
 @pytest.mark.parametrize('rate', [0.02, 0.2, 0.7])
@@ -114,10 +113,3 @@ def test_the_index_wraps():
     wires.exchange(out=False)
     assert wires.exchange().unconfirmed == 2
     assert wires.echo.lost == 1
-
-
-def test_frames_without_an_index_tell_nothing():
-    wires = Wires(echoes=False)
-    for _ in range(50):
-        echo = wires.exchange(out=False)
-    assert (echo.lost, echo.is_cut, echo.is_losing, echo.unconfirmed) == (0, False, False, 1)

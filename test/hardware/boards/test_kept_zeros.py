@@ -1,30 +1,37 @@
 """Zeros that survive a restart of the bridge, with boards that stayed on or were restarted."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.hardware.boards.homing import EncoderZeros
 from aerarm_ros.hardware.boards.kept_zeros import (
     AWAY_MAX,
     HostClock,
+    KeptJoint,
     KeptZeros,
     KeptZerosError,
+    ZeroRecall,
     arm_identity,
     sealed,
 )
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD
 
-HOST = HostClock('boot', 0.0)
+HOST = HostClock('boot', 3.0)
+TURN = 2.0 * np.pi
 LEANING = [0.3, 1.1, -0.4, 0.5]
 
 
 def kept_by(rig):
     """Return the bridge's stored zeros, through their text."""
-    text = rig.bridge.recall.keep(arm_identity(rig.config), HOST).text()
-    return KeptZeros.parse(text).check(arm_identity(rig.config), HOST, rig.now)
+    arm = arm_identity(rig.config)
+    kept = replace(rig.bridge.recall.keep(arm, HOST), heat=rig.bridge.heat.keep(rig.now))
+    assert KeptZeros.parse(kept.text()) == kept
+    return kept.check(arm, HOST, rig.now)
 
 
 def homed_elsewhere(make_rig, **options):
@@ -68,7 +75,11 @@ def test_zeros_survive_a_bridge_restart_if_the_boards_stay_on(make_rig):
     bridge = restarted(rig, kept)
     assert bridge.mode == 'idle'
     np.testing.assert_allclose(bridge.q, rig.plant.position, atol=1e-3)
+    assert [motor.zero for motor in bridge.references.motors] == bridge.references.zero.tolist()
     assert bridge.enable().accepted
+    # A board that keeps errors lost one only with its supply.
+    wrong = replace(kept, boards=tuple(replace(board, error=3) for board in kept.boards))
+    assert 'board1 was switched off and on' in restarted(rig, wrong).zeros.problem
 
 
 def test_without_a_file_it_does_not(make_rig):
@@ -166,7 +177,7 @@ def test_a_clock_may_drift_as_crystals_do(make_rig, drift):
 def test_the_angles_of_an_arm_that_sank_during_a_bridge_restart_are_known(make_rig):
     rig = homed_elsewhere(make_rig)
     kept = kept_by(rig)
-    rig.boards._carried = False
+    rig.boards.is_carried = False
     for _ in range(150):
         rig.now += 0.01
         rig.boards.advance(rig.now)
@@ -209,15 +220,19 @@ def test_a_board_with_absolute_encoders_needs_no_record(make_rig, config):
 def test_a_file_of_another_arm_host_or_time_is_named(make_rig, config):
     rig = homed_elsewhere(make_rig)
     kept, arm = kept_by(rig), arm_identity(config)
+    other = 'belongs to another arm, or to another configuration of its drives'
     for wrong, reason in [
-        ((arm_identity(config.with_prefix('left_')), HOST, rig.now), 'another arm'),
-        ((arm_identity(config.with_encoders('absolute')), HOST, rig.now), 'another arm'),
-        ((arm, HostClock('other', 0.0), rig.now), 'before the host was started'),
-        ((arm, HostClock('boot', 9.0), rig.now), 'before the host was suspended'),
-        ((arm, HOST, rig.now - 1.0), 'a time in the future'),
+        ((arm_identity(config.with_prefix('left_')), HOST, rig.now), other),
+        ((arm_identity(config.with_encoders('absolute')), HOST, rig.now), other),
+        ((arm, HostClock('other', 3.0), rig.now), 'was written before the host was started'),
+        ((arm, HostClock('boot', 9.0), rig.now), 'was written before the host was suspended'),
+        ((arm, HOST, rig.now - 1.0), 'has a time in the future'),
     ]:
-        with pytest.raises(KeptZerosError, match=reason):
+        with pytest.raises(KeptZerosError, match=f'^the file {reason}$'):
             kept.check(*wrong)
+    # The temperatures have a time of their own.
+    with pytest.raises(KeptZerosError, match='future'):
+        replace(kept, heat=replace(kept.heat, time=rig.now + 1.0)).check(arm, HOST, rig.now)
 
 
 def test_a_file_that_is_not_whole_gives_no_zeros(make_rig):
@@ -236,5 +251,59 @@ def test_a_file_that_is_not_whole_gives_no_zeros(make_rig):
         text + ' ' * 100_000,
     ]
     for broken in wrong:
-        with pytest.raises(KeptZerosError, match='incomplete'):
+        with pytest.raises(KeptZerosError, match='^the file is incomplete or was written by'):
             KeptZeros.parse(broken)
+
+
+# Motor angles [rad] of joint 4 with its zero at 1, pulses at 0.5 and whole turns from there; its
+# limits with the mechanical stops are -2.444 and 2.444 rad, at motor angles 74.1 and -57.9.
+@pytest.mark.parametrize(
+    ('before', 'after', 'toggles', 'away', 'is_possible'),
+    [
+        (10.0, 10.0, [False], 0.0, True),
+        (10.0, 10.0, [True], 0.0, False),
+        (10.0, 14.0, [True], 0.02, True),  # past a pulse
+        (10.0, 14.0, [False], 0.02, False),
+        (10.0, 14.0, [True], 0.005, False),  # too far for the time
+        (10.0, 10.0 + 2.0 * TURN, [False], 1.0, True),
+        (10.0, 10.0 + 3.0 * TURN, [True], 1.0, True),
+        (-10.0, -10.0 + 3.0 * TURN, [True], 1.0, True),
+        (0.54 + 2.0 * TURN, 10.0, [True, False], 1.0, True),  # near a pulse either may be
+        (10.0, 0.46 - TURN, [True, False], 1.0, True),
+        (10.0, 0.56 - TURN, [True, False], 1.0, None),
+        (70.0, 72.9, [False], 1.0, True),
+        (70.0, 75.6, [False], 1.0, False),  # beyond the stops
+        (-54.0, -56.7, [True], 1.0, True),
+        (-54.0, -59.4, [True], 1.0, False),
+    ],
+)
+def test_which_counts_a_motion_without_power_can_explain(
+    config, before, after, toggles, away, is_possible
+):
+    joint = replace(config.joints[3], sign=-1, offset=0.3)
+    config = replace(config, joints=(*config.joints[:3], joint))
+    recall = ZeroRecall(config, EncoderZeros(config), (), np.zeros(4))
+    kept = KeptJoint('joint4', 1.0, 1.0 + before, 0.5, True, False)
+    found = {recall._can_have_moved(3, kept, 1.0 + after, toggled, away) for toggled in toggles}
+    assert found == ({is_possible} if is_possible is not None else {True, False})
+
+
+def test_new_index_pulses_lose_the_zeros_that_were_found_with_others(config):
+    mixed = replace(
+        config, boards=(replace(config.boards[0], encoders='absolute'), config.boards[1])
+    )
+    zeros = EncoderZeros(mixed)
+    zeros.found()
+    recall = ZeroRecall(mixed, zeros, (), np.zeros(4), pulse_offset=0.5)
+    assert recall.take_pulse_offset(0.5, False) == ''
+    assert recall.take_pulse_offset([0.5, 0.7, 0.5, 0.5], False) == (
+        'the motors are on: the bridge uses the new index pulses after its next restart'
+    )
+    assert recall.pulse_offset.tolist() == [0.5] * 4
+    assert recall.take_pulse_offset([0.5, 0.7, 0.5, 0.9], True) == ''
+    assert recall.pulse_offset.tolist() == [0.5, 0.7, 0.5, 0.9]
+    assert zeros.unknown == ['joint4']  # an absolute encoder keeps its zero
+    assert 'joint4 is unknown (commissioned since it was homed)' in zeros.problem
+    zeros.found()
+    assert recall.take_pulse_offset(0.9, True) == ''
+    assert zeros.unknown == ['joint3']

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.description.arm_config import DriveTrain
+from aerarm_ros.description.arm_config import DriveTrain, load_arm_config
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
@@ -14,6 +14,15 @@ from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 Q = np.array([0.1, 1.5, -0.2, 0.3])
 TRUSTED = [True] * 4
 DT = 1e-3
+
+
+@pytest.fixture(scope='module')
+def config():
+    """Return an arm whose joints differ in sign and offset."""
+    arm = load_arm_config()
+    joints = enumerate(arm.joints)
+    turned = (replace(joint, sign=(-1) ** i, offset=0.1 * i - 0.15) for i, joint in joints)
+    return replace(arm, joints=tuple(turned))
 
 
 @pytest.fixture
@@ -85,23 +94,73 @@ def test_velocity_alone_is_integrated_from_where_the_joint_is(references, drive)
     assert not get(references, 'current').any()
 
 
-def test_the_integrated_reference_never_requests_more_than_the_effort_limit(
-    references, drive, config
+@pytest.mark.parametrize('way', [1.0, -1.0])
+def test_the_integrated_reference_stays_within_effort_and_position_limits(
+    references, drive, config, way
 ):
     for _ in range(2000):
-        track(references, command(dq=4.0), Q, DT)
+        track(references, command(dq=4.0 * way), Q, DT)
     stiffness = drive.motor_to_joint_gain(config.column('board_kp'))
     pull = stiffness * (get(references, 'joint_position') - Q)
-    assert pull == pytest.approx(config.column('effort_max'))
-    track(references, command(dq=-4.0), Q, DT)
-    assert np.all(stiffness * (get(references, 'joint_position') - Q) < pull)
-
-
-def test_integrated_reference_stays_within_position_limits(references, config):
-    q = config.column('position_max') - 0.01
+    assert pull == pytest.approx(way * config.column('effort_max'))
+    assert references.torques(Q, np.zeros(4)) == pytest.approx(way * config.column('effort_max'))
+    track(references, command(dq=-4.0 * way), Q, DT)
+    assert np.all(way * stiffness * (get(references, 'joint_position') - Q) < way * pull)
+    end = config.column('position_max' if way > 0.0 else 'position_min')
     for _ in range(100):
-        track(references, command(dq=4.0), q, DT)
-    assert get(references, 'joint_position') == pytest.approx(config.column('position_max'))
+        track(references, command(dq=4.0 * way), end - 0.01 * way, DT)
+    assert get(references, 'joint_position') == pytest.approx(end)
+
+
+def test_a_warm_motor_gets_less_current_unless_it_brakes(references, config):
+    track(references, command(tau=4.0), Q, DT)
+    assert not np.isfinite(get(references, 'current_max')).any()
+    for motor in references.motors:
+        motor.effort_limit = 2.0
+    track(references, command(tau=-4.0), Q, DT)
+    per_ampere = config.column('torque_per_ampere')
+    assert get(references, 'current_max') == pytest.approx(2.0 / per_ampere)
+    assert references.torques(Q, np.zeros(4)) == pytest.approx(-2.0)
+    # A limit needs all the torque that there is.
+    assert references.keep_within(make_barriers(config, q=Q, lowest=[5.0] * 4), TRUSTED)
+    assert references.torques(Q, np.zeros(4)) == pytest.approx(5.0)
+    assert not np.isfinite(get(references, 'current_max')).any()
+
+
+@pytest.mark.parametrize('gains', [(0.05, 0.02), (0.0, 0.02), (0.05, 0.0)])
+def test_a_weak_law_that_is_unsafe_during_a_host_delay_becomes_damping_of_its_torque(
+    references, config, gains
+):
+    references.set_gains(*gains)
+    barriers = make_barriers(config, q=Q)
+    for barrier in barriers:
+        barrier.inertia, barrier.dq, barrier.filtered = 0.01, 1.0, 0.9
+    track(references, command(q=Q + 0.1, dq=1.0, tau=5.0), Q, DT)
+    speed = np.full(4, 0.9)
+    asked = references.torques(Q, speed)
+    assert not references.keep_within(barriers, TRUSTED)
+    assert references.torques(Q, speed) == pytest.approx(asked)
+    assert not get(references, 'kp').any()
+    assert not get(references, 'current').any()
+    assert (get(references, 'kd') > gains[1]).all()
+    # It is gone at little more than the speed limit.
+    assert (references.torques(Q, np.full(4, 6.0)) < 1.0).all()
+
+
+def test_a_board_that_lost_its_last_commands_goes_on_with_an_older_one(references):
+    for tau in (1.0, 2.0, 3.0):
+        track(references, command(tau=tau), Q, DT)
+        references.note_sent()
+    zero = np.zeros(4)
+    assert np.isnan(references.kept_torques(Q, zero, [0] * 4)).all()
+    kept = references.kept_torques(Q, zero, [0, 1, 2, 9])
+    assert kept == pytest.approx([np.nan, 2.0, 1.0, 1.0], nan_ok=True)
+    track(references, command(q=Q + 0.01), Q, DT)
+    references.note_sent()
+    stiff = references.torques(Q, zero + 0.1)
+    track(references, command(tau=-9.0), Q, DT)
+    references.note_sent()
+    assert references.kept_torques(Q, zero + 0.1, [1] * 4) == pytest.approx(stiff)
 
 
 def test_integration_restarts_after_torque_control_or_damping(references):
@@ -229,6 +288,7 @@ def test_a_joint_without_a_trusted_encoder_has_no_barrier(references, config):
 
 def test_the_integral_of_a_velocity_does_not_wind_up_at_a_barrier(references, config):
     barriers = make_barriers(config, q=Q, highest=[0.5] * 4)
+    references.set_gains(0.99, 0.02)
     for _ in range(200):
         track(references, command(dq=1.0), Q, DT)
         references.keep_within(barriers, TRUSTED)
@@ -257,6 +317,7 @@ def test_at_a_barrier_an_integrated_reference_goes_back_to_the_torque_that_passe
 def test_a_boards_integral_counts_as_torque(config, drive):
     references = MotorReferences(config, load_profile('laas_power'), 0.5)
     references.set_gains(5.0, 0.5, 5.0)
+    references.set_zero(np.array([0.2, -0.3, 0.4, 0.5]))
     track(references, command(q=Q + 0.1), Q, DT)
     before = references.torques(Q, np.zeros(4))
     references.wind_up(Q, 0.05)
@@ -278,9 +339,10 @@ def test_a_boards_integral_counts_as_torque(config, drive):
 
 def test_damping_has_no_stiffness_and_spares_untrusted_encoders(references, config):
     track(references, command(q=Q, tau=1.0), Q, DT)
-    references.damp(np.array([np.inf, 0.0, np.inf, np.inf]))
+    references.damp(np.array([np.inf, 0.0, 0.5, np.inf]))
     kd = config.column('board_kd')
     assert get(references, 'kd').tolist() == [kd[0], 0.0, kd[2], kd[3]]
+    assert get(references, 'current_max').tolist() == [np.inf, np.inf, 0.5 * kd[2], np.inf]
     assert not get(references, 'kp').any()
     assert not get(references, 'current').any()
     assert not get(references, 'velocity').any()
@@ -292,6 +354,7 @@ def test_zero_shifts_positions(references, drive):
     assert get(references, 'position') == pytest.approx(
         drive.joint_to_motor_position(Q) + [1, 2, 3, 4]
     )
+    assert references.torques(Q, np.zeros(4)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_new_zero_changes_the_joints_angles_and_not_the_motors(references, drive):
@@ -328,6 +391,9 @@ def test_integral_gain_where_the_frame_carries_it(config):
     references.set_gains(1.0, 0.1, 0.5)
     track(references, command(dq=0.0), Q, DT)
     assert get(references, 'integral_gain').tolist() == [0.5] * 4
+    track(references, command(tau=0.0), Q, DT)
+    assert not get(references, 'integral_gain').any()
+    track(references, command(dq=0.0), Q, DT)
     references.damp(np.full(4, np.inf))
     assert not get(references, 'integral_gain').any()
 

@@ -49,19 +49,6 @@ def test_law_4_4_in_the_steady_state(motor):
     assert settled(motor) == pytest.approx(2.0 * (0.5 - measured) + 0.1 * 3.0 + 0.4, abs=1e-4)
 
 
-def test_derivative_gain_acts_on_the_filtered_speed(motor):
-    motor.kd = 0.05
-    for step in range(400):
-        motor.step(20.0 * step * SUBSTEP)
-    assert motor.torque_current == pytest.approx(-0.05 * 20.0, rel=0.1)
-
-
-@pytest.mark.parametrize('sign', [-1.0, 1.0])
-def test_current_saturates(motor, sign):
-    motor.current, motor.current_saturation = sign * 30.0, 5.0
-    assert settled(motor) == pytest.approx(sign * 5.0)
-
-
 def test_current_follows_its_reference_as_a_first_order_system(motor):
     motor.current = 1.0
     rise = []
@@ -80,26 +67,6 @@ def test_integral_gain_integrates_the_position_error_and_does_not_wind_up(motor)
     motor.position = motor.encoder.position - 0.5
     # From full current at 2 A/s it takes 1.5 s to come down to zero: not longer.
     assert settled(motor, steps=round(1.5 / SUBSTEP)) == pytest.approx(0.0, abs=0.01)
-
-
-def test_unaligned_motor_is_enabled_by_an_alignment_and_reports_no_torque_current_meanwhile():
-    motor = EmulatedMotor(MOTOR, SUBSTEP, TIMING)
-    motor.current = 5.0
-    motor.enable(True)
-    motor.step(0.01)
-    assert not motor.ready
-    assert motor.measured_current == 0.0
-    assert abs(motor.torque_current) <= TIMING.current
-    follow_the_field(motor)
-    assert motor.ready
-
-
-def test_a_rotor_that_does_not_follow_the_field_fails_the_alignment():
-    motor = EmulatedMotor(MOTOR, SUBSTEP, TIMING)
-    motor.enable(True)
-    follow_the_field(motor, slip=1.0)
-    assert motor.alignment_failed
-    assert not motor.ready
 
 
 def test_stop_keeps_the_alignment_and_switching_off_loses_it(motor):
@@ -145,24 +112,7 @@ def test_the_heat_that_flows_in_is_stored_or_flows_out():
     assert coarse.temperatures == pytest.approx(fine.temperatures, abs=0.3)
 
 
-def test_resistance_grows_by_0_39_percent_per_kelvin():
-    heat = EmulatedHeat(WARM)
-    assert heat.resistance == pytest.approx(0.15)
-    heat.warm(125.0)
-    assert heat.resistance / 0.15 == pytest.approx(1.385, abs=0.005)
-
-
 def test_iron_warms_a_motor_that_turns_without_current():
     heat = EmulatedHeat(WARM)
     heat.step(0.0, 150.0, 60.0)
     assert heat.temperatures[1] > ROOM + 1.0
-
-
-def test_made_motors_differ():
-    ends = set()
-    for seed in range(5):
-        heat = EmulatedHeat(WARM, seed)
-        heat.step(8.0**2, 0.0, 60.0)
-        ends.add(round(heat.copper, 3))
-    assert len(ends) == 5
-    assert 2.0 < max(ends) - min(ends) < 30.0

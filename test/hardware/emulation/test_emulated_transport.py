@@ -42,14 +42,6 @@ def test_after_a_gap_time_above_10_ms_is_skipped(boards):
     assert boards.plant.time == pytest.approx(0.011)
 
 
-def test_time_that_goes_back_does_nothing(boards):
-    boards.advance(1.0)
-    boards.advance(0.5)
-    assert boards.plant.time == 0.0
-    boards.advance(0.501)
-    assert boards.plant.time == pytest.approx(0.001)
-
-
 @pytest.mark.parametrize('encoders', ['absolute', ''])
 def test_boards_count_the_motors_angles_of_the_joints_that_they_drive(config, robot, encoders):
     q = np.array([0.3, 1.2, -0.4, 0.5])
@@ -129,16 +121,3 @@ def test_starts_in_the_rest_position_as_another_arm_for_each_seed(config, robot)
     assert first.plant.true_parameters() == again.plant.true_parameters()
     assert first.plant.true_parameters() != other.plant.true_parameters()
     assert first.plant.true_parameters()['gravity_in_base'] == [0.0, 0.0, -9.81]
-
-
-def test_a_fallen_arm_is_put_back_and_can_be_enabled_again(rig):
-    rig.bridge.disable()
-    rig.plant.apply_effort([0.0, 3.0, 0.0, 0.0])
-    rig.plant.advance(0.3)
-    rig.run(1.5)
-    assert abs(rig.plant.position[1] - np.pi / 2) > 1.0
-    assert not rig.bridge.enable().accepted
-    rig.boards.put_back()
-    rig.run(0.1)
-    assert rig.plant.position == pytest.approx(rig.config.rest_position)
-    rig.bring_up(aligned=False)

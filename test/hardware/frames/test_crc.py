@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from crc_table import crc32_mpeg2_rows
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,21 +11,17 @@ def crc(data):
     return int.from_bytes(crc32_mpeg2(data), 'big')
 
 
-def test_published_check_value():
-    assert crc(b'123456789') == 0x0376E6E7
-
-
-def test_start_up_constant_of_the_firmware():
-    assert crc(bytes(30)) == 0x5283DFFF
-
-
-def test_enable_command_with_everything_else_zero():
-    payload = bytes.fromhex('f014') + bytes(24) + bytes.fromhex('2828 0000')
-    assert crc(payload) == 0x7F26E373
-
-
-def test_of_nothing_is_the_start_value():
-    assert crc(b'') == 0xFFFFFFFF
+@pytest.mark.parametrize(
+    ('data', 'value'),
+    [
+        (b'123456789', 0x0376E6E7),  # published check value
+        (bytes(30), 0x5283DFFF),  # start-up constant of the firmware
+        (bytes.fromhex('f014') + bytes(24) + bytes.fromhex('28280000'), 0x7F26E373),  # enable
+        (b'', 0xFFFFFFFF),
+    ],
+)
+def test_known_check_values(data, value):
+    assert crc(data) == value
 
 
 @given(st.binary(min_size=30, max_size=30), st.integers(0, 239))

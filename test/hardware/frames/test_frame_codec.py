@@ -199,7 +199,9 @@ def test_harmless_values_saturate_and_never_wrap(codec):
         kd=[1e3, -1.0],
         current_saturation=[1e3, 40.0],
         timeout=10.0,
+        index=65536 + 5,
     )
+    assert read.index == 5
     assert read.velocity == pytest.approx([16 * KRPM, -16 * KRPM], rel=1e-4)
     assert read.current == pytest.approx([32.0, -32.0], rel=1e-4)
     assert read.kp == pytest.approx([5.09, 0.0], abs=0.01)
@@ -240,5 +242,19 @@ def test_dangerous_values_are_rejected(codec, values, hint):
         codec.encode(BoardCommand(**values))
 
 
-def test_index_counts_around(codec):
-    assert encoded_and_read(codec, index=65536 + 5).index == 5
+def test_only_values_in_range_are_packed_fast(codec):
+    current = next(f for f in load_profile().command.fields if (f.name, f.motor) == ('current', 1))
+    lowest, highest = current.count_range
+    for count in (lowest - 1, lowest, highest, highest + 1):
+        command = BoardCommand(current=[count * current.si_per_count, 0.0])
+        is_packed = codec.command._pack(command) is not None
+        assert is_packed == (lowest <= count <= highest)
+
+
+@pytest.mark.parametrize('profile', ['uomodri_v3', 'laas_power'])
+def test_values_in_range_use_the_fast_path(profile, monkeypatch):
+    codec = FrameCodec(load_profile(profile))
+    for direction in (codec.command, codec.sensor):
+        monkeypatch.setattr(direction, '_pack_limited', None)
+    codec.encode(BoardCommand(position=[-3.0, 3.0], velocity=[-4.0, 4.0], current=[-1.0, 1.0]))
+    codec.encode_state(BoardState(position=[-3.0, 3.0], velocity=[-4.0, 4.0], current=[-1.0, 1.0]))

@@ -2,7 +2,12 @@ import math
 
 import pytest
 
-from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, ProfileError, load_profile
+from aerarm_ros.hardware.frames.frame_profile import (
+    FRAME_BYTES,
+    FrameField,
+    ProfileError,
+    load_profile,
+)
 
 MINIMAL = """
 name: mine
@@ -27,42 +32,6 @@ def test_packaged_profiles_are_complete(name):
         assert profile.command.has(quantity)
     for quantity in ('position', 'velocity', 'current', 'error', 'timestamp', 'index'):
         assert profile.sensor.has(quantity)
-
-
-def test_v2_differs_in_saturation_bytes_and_error_recovery():
-    v2, v3 = load_profile('udriver_v2'), load_profile('uomodri_v3')
-
-    def bits(profile):
-        return {e.motor: e.bit for e in profile.command.fields if e.name == 'current_saturation'}
-
-    assert bits(v3) == {1: 8, 2: 0}
-    assert bits(v2) == {1: 0, 2: 8}
-    assert v3.errors_until_power_cycle
-    assert not v2.errors_until_power_cycle
-    assert 'power-cycle' in v3.error_text(2)
-    assert 'power-cycle' not in v2.error_text(2)
-
-
-def test_laas_power_carries_gain_and_voltages_in_the_slots_of_others():
-    profile = load_profile('laas_power')
-    assert profile.command.has('integral_gain')
-    assert not profile.command.has('current')
-    assert profile.sensor.has('quadrature_voltage')
-    assert profile.sensor.has('bus_voltage')
-    assert not profile.sensor.has('coil_resistance')
-    assert profile.sensor.has('current')
-
-
-def test_largest_gains_are_those_of_the_protocol():
-    profile = load_profile()
-    assert profile.command.largest('kp') == pytest.approx(5.09, abs=0.01)
-    assert profile.command.largest('kd') == pytest.approx(0.611, abs=0.001)
-    assert profile.command.largest('current_saturation') == 31.875
-    assert profile.command.largest('integral_gain') == 0.0
-
-
-def test_unknown_error_codes_have_a_text():
-    assert 'error 15' in load_profile().error_text(15)
 
 
 def test_own_profile_from_a_file(tmp_path):
@@ -121,3 +90,22 @@ def test_wrong_files_are_named(tmp_path):
         path.write_text(text)
         with pytest.raises(ProfileError, match=hint):
             load_profile(path)
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'hint'),
+    [
+        ({'type': 'f32'}, 'type'),
+        ({'unit': 'rpm'}, 'unit'),
+        ({'motor': 3}, 'motor'),
+        ({'overflow': 'wrap'}, 'overflow'),
+        ({'lsb': 0.0}, 'lsb'),
+        ({'lsb': math.nan}, 'lsb'),
+        ({'word': -1}, 'word'),
+        ({'type': 'bits', 'bit': 10, 'width': 8}, 'bits 10 to 17'),
+        ({'type': 'bits', 'bit': 3, 'width': 0}, 'bits'),
+    ],
+)
+def test_wrong_entries_are_named(wrong, hint):
+    with pytest.raises(ProfileError, match=hint):
+        FrameField(**{'name': 'velocity', 'word': 1, 'type': 'i16', **wrong})

@@ -375,3 +375,56 @@ def test_a_fast_joint_with_low_gains_is_damped_against_coupling_torque():
     assert seen(dq=4.8).gap_damping(0.0, 0.0, 0.0, 0.2) > 0.0
     assert seen(dq=4.8).gap_damping(0.0, 0.0, 0.0, 20.0) == 0.0
     assert seen(dq=1.0).gap_damping(0.0, 0.0, 0.0, 0.2) == 0.0
+
+
+def test_an_overloaded_joint_of_a_warm_motor_is_slowed_to_a_tenth_and_recovers():
+    barrier = make_barrier()
+    fastest = barrier.speed(2.0)
+    barrier.limit_speed(True)
+    assert barrier.is_slowed
+    barrier.recover(DT)
+    assert barrier.speed(2.0) == pytest.approx(fastest * (1.0 - DT / 0.3))
+    for _ in range(400):
+        barrier.recover(DT)
+    assert barrier.speed(2.0) == pytest.approx(0.1 * fastest)
+    barrier.limit_speed(False)
+    barrier.recover(0.1)
+    assert barrier.speed(2.0) == pytest.approx(0.2 * fastest)
+    barrier.recover(2.0)
+    assert not barrier.is_slowed
+    assert barrier.speed(2.0) == fastest
+
+
+def test_a_released_joint_moves_slowly_wherever_it_is():
+    barrier = seen(q=JOINT.position_max + 0.1, dq=0.1)
+    barrier.is_released = True
+    assert barrier.speed(-0.1) == barrier.speed(3.0) == pytest.approx(0.05 * JOINT.velocity_max)
+    barrier.update(JOINT.position_max + 0.1, 0.1, 0.0, 0.0, INERTIA, DT, DT)
+    assert barrier.highest == pytest.approx(250.0 * INERTIA * 0.15, rel=0.05)
+    slowed = make_barrier()
+    slowed.is_released = True
+    slowed.limit_speed(True)
+    slowed.lower_speed_limit(1.0)
+    slowed.recover(1.0)
+    assert slowed.speed(3.0) == pytest.approx(0.05 * JOINT.velocity_max)
+
+
+def test_a_learned_load_counts_for_a_gap_with_its_sign():
+    # 0.5 Nm more than known hold the joint; with both loads the larger damping applies.
+    barrier = seen(effort=0.5)
+    per_speed = JOINT.velocity_max * INERTIA / SETTINGS.board_timeout
+    most = min(1.1 * per_speed, 1.15 * per_speed - PULL)
+    assert barrier.gap_damping(most - 0.02) == 0.0
+    assert barrier.gap_damping(-most + 0.45) > 0.0  # more than the load that was learned
+    assert barrier.gap_damping(most + 0.05) > 0.0  # more than the load of the model
+
+
+@pytest.mark.parametrize('way', [1.0, -1.0])
+def test_a_fast_joint_is_damped_by_what_coupling_may_add_to_its_torque(way):
+    barrier, margin = seen(dq=4.8 * way), 0.15 * JOINT.effort_max
+    # A braking torque that is smaller than the margin leaves the rest of it to drive the joint.
+    torques = [way * torque for torque in (0.5, 0.0, -0.5)]
+    alone = [barrier.gap_damping(torque, torque, 0.0, 0.2) for torque in torques]
+    assert alone == sorted(alone, reverse=True)
+    assert alone[2] == pytest.approx((margin - 0.5) / (1.1 * JOINT.velocity_max - 4.8), rel=0.3)
+    assert barrier.gap_damping(-way * (margin + 0.1), -way * (margin + 0.1), 0.0, 0.2) == 0.0

@@ -150,6 +150,10 @@ def test_a_joint_out_of_bounds_demands_a_stop(q, dq, hint):
 
 
 def test_the_reason_for_a_stop_is_one_complete_sentence():
+    assert make_limiter().state_violation(3.02, 0.0) == (
+        'joint3 is at 3.020 rad, outside its limits -2.967 to 2.967: disable the arm, move it back '
+        'by hand, then clear the fault'
+    )
     assert make_limiter().state_violation(0.0, 6.3) == (
         'joint3 runs at 6.30 rad/s, above its limit of 5.00: check the controller and the encoder'
     )
@@ -174,6 +178,22 @@ def test_a_command_far_out_of_bounds_demands_a_stop(command, hint):
     limiter = make_limiter()
     assert hint in limiter.command_violation(*command, q=0.0)
     assert 'joint3' in limiter.command_violation(*command, q=0.0)
+
+
+@pytest.mark.parametrize('way', [1.0, -1.0])
+def test_the_arm_stops_beyond_its_tolerances_and_not_at_them(way):
+    limiter = make_limiter()
+    end = way * (JOINT.position_max + SETTINGS.position_tolerance)
+    fastest = way * SETTINGS.velocity_factor * JOINT.velocity_max
+    strongest = way * SETTINGS.effort_factor * JOINT.effort_max
+    assert limiter.is_inside(end)
+    assert not limiter.is_inside(math.nextafter(end, way * math.inf))
+    assert limiter.state_violation(end, fastest) == ''
+    assert limiter.state_violation(end, math.nextafter(fastest, way * math.inf))
+    assert limiter.state_violation(math.nextafter(end, way * math.inf), fastest)
+    reach = way * SETTINGS.position_error_max
+    assert limiter.command_violation(reach, fastest, strongest, q=0.0) == ''
+    assert limiter.command_violation(NAN, NAN, math.nextafter(strongest, way * math.inf), q=0.0)
 
 
 def test_a_command_slightly_above_its_limits_requires_no_stop():

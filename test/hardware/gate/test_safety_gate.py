@@ -147,3 +147,39 @@ def test_restart_forgets_the_effort(gate):
     gate.restart()
     out = limit(gate, command(tau=5.0), Q, 1e-3, now=0.0)
     assert out.tau == pytest.approx([1.0, 1.0, 0.5, 0.5])
+
+
+def test_barriers_receive_the_measurements_of_their_joints(gate, config, robot):
+    others = SafetyGate(config, BridgeSettings(), JointLoads(config, robot)).barriers
+    effort, kept = np.array([1.0, 2.0, 3.0, 4.0]), [5.0, 6.0, 7.0, 8.0]
+    ages, intervals, unconfirmed = [1e-3, 2e-3, 3e-3, 4e-3], [1e-3, 1e-3, 2e-3, 2e-3], [0, 1, 2, 3]
+    for speed in (0.1, 0.2):
+        gate.watch(Q, DQ + speed, effort, ages, intervals, kept, unconfirmed)
+        for i, other in enumerate(others):
+            load, inertia, times = gate.loads[i], gate.inertias[i], (ages[i], intervals[i])
+            was_kept = unconfirmed[i] > 1
+            other.update(Q[i], speed, effort[i], load, inertia, *times, kept[i], was_kept)
+            for name in ('q', 'dq', 'filtered', 'load', 'lowest', 'highest'):
+                assert getattr(gate.barriers[i], name) == getattr(other, name), (i, name)
+
+
+def test_a_followed_command_is_braked_at_the_barriers_of_trusted_joints(gate):
+    motors = MotorReferences(load_arm_config(), load_profile(), reach_max=0.5).motors
+    for barrier in gate.barriers:
+        barrier.q, barrier.lowest, barrier.highest = 0.0, -9.0, 9.0
+    given = (command(tau=0.4), Q, 1e-3, 0.0, motors)
+    assert gate.follow(*given, [True] * 4) is False
+    assert [motor.torque(0.0, 0.0) for motor in motors] == pytest.approx([0.4] * 4)
+    gate.barriers[1].highest = gate.barriers[2].highest = 0.1
+    assert gate.follow(*given, [True, True, False, True]) is True
+    assert [motor.torque(0.0, 0.0) for motor in motors] == pytest.approx([0.4, 0.1, 0.4, 0.4])
+    gate.trip('a stop')
+    assert gate.follow(command(tau=0.0), *given[1:], [True] * 4) is False
+    assert motors[0].torque(0.0, 0.0) == pytest.approx(0.4)  # the caller damps it
+
+
+def test_a_warm_motor_limits_the_effort_of_its_joint(gate):
+    gate.limit_effort(1, 1.5)
+    for _ in range(50):
+        out = limit(gate, command(tau=5.0), Q, 1e-3, now=0.0)
+    assert out.tau == pytest.approx([5.0, 1.5, 5.0, 5.0])

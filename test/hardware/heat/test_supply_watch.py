@@ -40,3 +40,12 @@ def test_a_short_peak_stops_nothing(voltage):
         for reading in [voltage] * 9 + [24.0]:
             watch.update(reading, 1e-3)
             assert not watch.stop()
+
+
+def test_at_its_limits_and_before_the_first_reading_nothing_is_said():
+    watch = watched()
+    assert (watch.voltage, watch.warning(), watch.stop()) == (0.0, '', '')
+    for voltage in (STAGE.voltage_min, STAGE.voltage_max):
+        assert not watched(voltage).stop()
+    for voltage in (1.05 * STAGE.voltage_min, 0.95 * STAGE.voltage_max):
+        assert not watched(voltage).warning()

@@ -9,6 +9,7 @@ from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_modes import NOT_ACTIVE, Action, Answer
+from aerarm_ros.ros.bridge import bridge_services
 from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests
 
 
@@ -74,7 +75,8 @@ def test_without_a_cycle_nothing_is_taken(requests):
 
 
 @pytest.mark.parametrize('insist', [False, True])
-def test_late_actions_run_only_if_they_stop_the_arm(requests, insist):
+def test_late_actions_run_only_if_they_stop_the_arm(requests, insist, monkeypatch):
+    monkeypatch.setattr(bridge_services, '_ANSWER_TIMEOUT', 0.05)
     done = []
     with pytest.raises(TimeoutError):
         requests.ask(lambda cycle: done.append(cycle), insist)
