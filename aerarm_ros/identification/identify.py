@@ -9,21 +9,10 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters, CoupledJoints, LinkBounds
-from aerarm_ros.identification.assessment import assess, bag_demand, extrapolation_warnings
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.identification_result import IdentificationResult, Solution
-from aerarm_ros.identification.input_errors import (
-    bound_warnings,
-    coupling_warnings,
-    error_warnings,
-    find_input_errors,
-    joint_warnings,
-)
-from aerarm_ros.identification.joint_model import THESIS_TERMS, JointModel, TermKind
-from aerarm_ros.identification.model_choice.filter_choice import (
+from aerarm_ros.identification.filter_choice import (
     EffortDelay,
     FilterChoice,
     GravityDirection,
@@ -32,15 +21,39 @@ from aerarm_ros.identification.model_choice.filter_choice import (
     find_effort_delay,
     find_gravity,
 )
-from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choose_model
-from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
-from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.regression.base_parameters import (
-    BaseParameters,
-    find_base_parameters,
+from aerarm_ros.identification.identification_result import (
+    IdentificationResult,
+    Solution,
+    assess,
+    bag_demand,
+    extrapolation_warnings,
 )
-from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
-from aerarm_ros.identification.regression.regression import SampleColumns, triangular_factor
+from aerarm_ros.identification.input_errors import (
+    bound_warnings,
+    coupling_warnings,
+    error_warnings,
+    find_input_errors,
+    joint_warnings,
+)
+from aerarm_ros.identification.joint_model import (
+    THESIS_TERMS,
+    ArmParameters,
+    CoupledJoints,
+    JointModel,
+    LinkBounds,
+    TermKind,
+)
+from aerarm_ros.identification.model_choice import AUTOMATIC, choose_model
+from aerarm_ros.identification.model_fit import (
+    BaseParameters,
+    ModelFit,
+    RegressionBank,
+    find_base_parameters,
+    fit_model,
+)
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.regression import SampleColumns, triangular_factor
+from aerarm_ros.identification.simple_fit import SimpleFit
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import DEFAULT, RECOMMENDED, solve_all
 from aerarm_ros.model.regressor import Regressor

@@ -15,13 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
-from aerarm_ros.identification.assessment import BagAssessment
-from aerarm_ros.identification.identification_result import Solution
-from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
-from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD
-from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.identification_result import BagAssessment, Solution
+from aerarm_ros.identification.joint_model import COUPLED, ArmParameters, JointTerm, TermKind
+from aerarm_ros.identification.model_fit import LINK_SPREAD, ModelFit
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import MASS_FACTOR, Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array

@@ -9,12 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.config_reader import read_plain
-from aerarm_ros.identification.assessment import torque_errors
 from aerarm_ros.identification.errors import IdentificationError, readable
+from aerarm_ros.identification.identification_result import torque_errors
 from aerarm_ros.identification.joint_model import JointModel, TermKind
-from aerarm_ros.identification.regression.base_parameters import BaseParameters
-from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regression import ReducedRegression, SampleColumns
+from aerarm_ros.identification.model_fit import BaseParameters, ModelFit
+from aerarm_ros.identification.regression import ReducedRegression, SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.motion.signals import Array

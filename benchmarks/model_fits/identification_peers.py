@@ -24,7 +24,7 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.identification.solvers.solvers import SOLVERS
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags
 from aerarm_ros.simulation.arm_plant import PlantParameters

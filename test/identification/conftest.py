@@ -10,9 +10,9 @@ from other_bodies import other_bodies
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
+from aerarm_ros.identification.joint_model import ArmParameters
 from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,

@@ -14,7 +14,7 @@ from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.estimate import Estimate
 
 

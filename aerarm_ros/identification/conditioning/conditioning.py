@@ -9,15 +9,13 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.conditioning.motion_check import (
     ConditioningOptions,
+    PeriodicPart,
     aperiodic_warnings,
+    count_harmonics,
+    find_periodic_part,
     fundamental_warnings,
     harmonics_warnings,
     short_motion_warnings,
-)
-from aerarm_ros.identification.conditioning.periodicity import (
-    PeriodicPart,
-    count_harmonics,
-    find_periodic_part,
 )
 from aerarm_ros.identification.conditioning.spectral_filter import (
     MEMORY_PERIODS,

@@ -21,7 +21,7 @@ from aerarm_ros.description.urdf_document import (
 )
 from aerarm_ros.identification.files.estimate_file import NO_FRICTION
 from aerarm_ros.identification.joint_model import COUPLED, TermKind
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.inertia import barycentric_inertia, is_physically_consistent, pseudo_inertia
 from aerarm_ros.motion.signals import Array
@@ -53,12 +53,11 @@ def equivalent_friction(
     left_out = {*NO_FRICTION, TermKind.LOAD} if beside_load else NO_FRICTION
     viscous, coulomb = estimate.joint_values('fv'), estimate.joint_values('fs')
     loads = [bag.links_torque(estimate.inertial.ravel()) for bag in bags]
-    values = estimate.theta[10 * model.n :]
     for joint in range(model.n):
         own = [
             (term, value)
-            for (j, term), value in zip(model.joint_columns, values, strict=True)
-            if j == joint and term.kind not in left_out
+            for term, value in model.coefficients(estimate.theta, joint)
+            if term.kind not in left_out
         ]
         if all(
             term.kind in (TermKind.VISCOUS, TermKind.COULOMB) and (beside_load or not term.width)

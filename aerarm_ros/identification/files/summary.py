@@ -9,9 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerarm_ros.identification.assessment import BagDemand, assess
 from aerarm_ros.identification.files.identified_robot import equivalent_friction
-from aerarm_ros.identification.identification_result import IdentificationResult, Solution
+from aerarm_ros.identification.filter_choice import GravityDirection
+from aerarm_ros.identification.identification_result import (
+    BagDemand,
+    IdentificationResult,
+    Solution,
+    assess,
+)
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
@@ -19,10 +24,9 @@ from aerarm_ros.identification.joint_model import (
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.model_choice.filter_choice import GravityDirection
+from aerarm_ros.identification.model_fit import BaseParameters
 from aerarm_ros.identification.recording.recording import BagFacts
-from aerarm_ros.identification.regression.base_parameters import BaseParameters
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array

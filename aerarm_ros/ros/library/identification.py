@@ -14,12 +14,11 @@ from aerarm_msgs_py.bags.bag_reader import read_contents
 from aerarm_msgs_py.storage.read_limits import BagError as BagError
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
-from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import estimated_arm, read_estimate
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.files.summary import export_errors, summarise
-from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.identification_result import BagAssessment, IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch
 from aerarm_ros.identification.identify import identify as run
 from aerarm_ros.identification.recording.recording import (
@@ -33,8 +32,8 @@ from aerarm_ros.identification.recording.table_file import (
     TableStates,
     read_table,
 )
-from aerarm_ros.identification.report.report import ReportExtras
-from aerarm_ros.identification.report.report_tables import error_table, parameter_table
+from aerarm_ros.identification.report import ReportExtras
+from aerarm_ros.identification.report_tables import error_table, parameter_table
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array

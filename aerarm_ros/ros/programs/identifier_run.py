@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from aerarm_msgs_py.storage.read_limits import ReadLimits
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, load_robot
-from aerarm_ros.identification.arm_parameters import LinkBounds
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import (
@@ -34,10 +33,10 @@ from aerarm_ros.identification.files.result_directory import MARKER, ResultDirec
 from aerarm_ros.identification.files.summary import ExportError, export_errors, summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
-from aerarm_ros.identification.joint_model import TermKind
+from aerarm_ros.identification.joint_model import LinkBounds, TermKind
 from aerarm_ros.identification.recording.recording import BagFacts, JointMapping, Recording
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
-from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.solvers import DEFAULT, check_solvers
 from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.identifier_bags import (

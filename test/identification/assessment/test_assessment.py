@@ -8,8 +8,7 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.assessment import torque_errors
-from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.identification_result import IdentificationResult, torque_errors
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 
 

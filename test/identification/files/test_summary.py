@@ -10,9 +10,8 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.assessment import torque_errors
 from aerarm_ros.identification.files.summary import ExportError, export_errors, summarise
-from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.identification_result import IdentificationResult, torque_errors
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.ros.library.identification import IdentifiedArm, load_identified
 

@@ -14,9 +14,9 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.filter_choice import choose_filter
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
-from aerarm_ros.identification.model_choice.filter_choice import choose_filter
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.regressor import Regressor

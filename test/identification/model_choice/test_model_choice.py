@@ -8,7 +8,6 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.conditioning.uniform_motion import FOLDS
@@ -18,11 +17,12 @@ from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch,
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
+    ArmParameters,
     JointModel,
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.model_choice.model_choice import (
+from aerarm_ros.identification.model_choice import (
     DISTANCES,
     FRICTION_MODELS,
     CrossValidation,
@@ -30,8 +30,8 @@ from aerarm_ros.identification.model_choice.model_choice import (
     choose_model,
     friction_terms,
 )
-from aerarm_ros.identification.regression.model_fit import RegressionBank
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.model_fit import RegressionBank
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.ros.library.identification import IdentifiedModel
 

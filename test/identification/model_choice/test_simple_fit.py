@@ -8,8 +8,8 @@ import pytest
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
-from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.regression import SampleColumns
+from aerarm_ros.identification.simple_fit import SimpleFit
 from aerarm_ros.model.regressor import Regressor
 
 

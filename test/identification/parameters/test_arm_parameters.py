@@ -8,13 +8,19 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.arm_parameters import ArmParameters, coupled_terms, inertia_boxes
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import estimate_yaml, read_estimate
 from aerarm_ros.identification.files.identified_robot import unwritten
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
-from aerarm_ros.identification.joint_model import ROTOR, THESIS_TERMS, JointModel
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    ArmParameters,
+    JointModel,
+    coupled_terms,
+    inertia_boxes,
+)
 from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,

@@ -8,7 +8,7 @@ import pytest
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identify import excitation_warnings
-from aerarm_ros.identification.regression.base_parameters import (
+from aerarm_ros.identification.model_fit import (
     BaseParameters,
     find_base_parameters,
     noise_from_residuals,

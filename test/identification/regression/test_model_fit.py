@@ -12,13 +12,13 @@ from aerarm_ros.identification.joint_model import (
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.regression.base_parameters import Prior
-from aerarm_ros.identification.regression.model_fit import (
+from aerarm_ros.identification.model_fit import (
+    Prior,
     RegressionBank,
     posterior_covariance,
     solve_regularised,
 )
-from aerarm_ros.identification.regression.regression import SampleColumns, TriangularSystem
+from aerarm_ros.identification.regression import SampleColumns, TriangularSystem
 
 SMOOTH = JointTerm(TermKind.COULOMB, 0.05)
 OFFSET = JointTerm(TermKind.OFFSET)

@@ -17,11 +17,7 @@ from aerarm_ros.identification.joint_model import (
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.regression.regression import (
-    ReducedRegression,
-    SampleColumns,
-    triangular_factor,
-)
+from aerarm_ros.identification.regression import ReducedRegression, SampleColumns, triangular_factor
 from aerarm_ros.model.regressor import Regressor
 
 JOINTS, ROWS, COLUMNS = 3, 200, 7

@@ -12,9 +12,8 @@ import pytest
 
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.recording import BagFacts
-from aerarm_ros.identification.report.report import ReportExtras, report_html
-from aerarm_ros.identification.report.report_figures import friction_figure
-from aerarm_ros.identification.report.report_tables import base_parameter_table, parameter_table
+from aerarm_ros.identification.report import ReportExtras, friction_figure, report_html
+from aerarm_ros.identification.report_tables import base_parameter_table, parameter_table
 from aerarm_ros.identification.truth import Truth, inertial_torque_errors
 from aerarm_ros.pages.plots import StackedFigure
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.arm_parameters import LinkBounds, inertia_boxes
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.regression.base_parameters import Prior
-from aerarm_ros.identification.regression.regression import TriangularSystem
+from aerarm_ros.identification.joint_model import LinkBounds, inertia_boxes
+from aerarm_ros.identification.model_fit import Prior
+from aerarm_ros.identification.regression import TriangularSystem
 from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
 from aerarm_ros.identification.solvers.semidefinite_solver import (
     solve_entropic,

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
+    ArmParameters,
     JointModel,
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.regression.base_parameters import find_base_parameters
-from aerarm_ros.identification.regression.regression import ReducedRegression, triangular_factor
+from aerarm_ros.identification.model_fit import find_base_parameters
+from aerarm_ros.identification.regression import ReducedRegression, triangular_factor
 from aerarm_ros.identification.solvers.estimate import SOLVERS, Estimate, solver
 from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED, solve_all

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.files.summary import ExportError, term_text
-from aerarm_ros.identification.identification_result import IdentificationResult, Solution
+from aerarm_ros.identification.identification_result import (
+    BagAssessment,
+    IdentificationResult,
+    Solution,
+)
 from aerarm_ros.identification.joint_model import JointTerm
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.model.inertia import PARAMETER_NAMES

@@ -7,19 +7,18 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.spectral_filter import SETTLING_PERIODS, SpectralFilter
 from aerarm_ros.identification.conditioning.uniform_motion import KinematicsFilter, Samples
-from aerarm_ros.identification.joint_model import JointTerm, TermKind
-from aerarm_ros.identification.model_choice.simple_fit import (
+from aerarm_ros.identification.joint_model import ArmParameters, JointTerm, TermKind
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.regression import SampleColumns
+from aerarm_ros.identification.simple_fit import (
     SIMPLE_TERMS,
     SimpleFit,
     block_sums,
     standard_errors,
 )
-from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 

@@ -7,18 +7,19 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters, CoupledJoints, coupled_terms
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
+    ArmParameters,
+    CoupledJoints,
     JointModel,
     JointTerm,
     TermKind,
+    coupled_terms,
 )
-from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD
-from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.model_fit import LINK_SPREAD, ModelFit, RegressionBank, fit_model
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.motion.signals import Array
 
 Mask = npt.NDArray[np.bool_]

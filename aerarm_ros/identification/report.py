@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from aerarm_ros.identification import report_tables as tables
 from aerarm_ros.identification.files.summary import ExportError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.recording import BagFacts
-from aerarm_ros.identification.report import report_figures as figures
-from aerarm_ros.identification.report import report_tables as tables
 from aerarm_ros.identification.solvers.solvers import SOLVERS
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section
 from aerarm_ros.pages.plots import plotting_script
@@ -18,6 +17,12 @@ from aerarm_ros.pages.plots import plotting_script
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
     from aerarm_ros.identification.truth import InertialTorqueError, Truth
+
+import numpy as np
+
+from aerarm_ros.identification.joint_model import NOT_FRICTION, JointTerm
+from aerarm_ros.motion.signals import Array
+from aerarm_ros.pages.plots import MOST_POINTS, StackedFigure
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,62 +58,52 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
     IdentificationError
         If the plotting script is not installed.
     """
-    robot = result.robot
+    truth, joints = extras.truth, result.robot.joint_names
     body = [paragraph(_headline(result), 'lead')]
     if result.warnings:
         body.append(bullets(result.warnings, 'warnings'))
     body += [
-        section('Torque errors', paragraph(_metric(result), 'note'), tables.error_table(result)),
+        section('Torque errors', _note(_metric(result)), tables.error_table(result)),
         section('Torque errors per joint', tables.joint_error_table(result)),
     ]
     if extras.exports:
-        body.append(
-            section(
-                'Torque errors of the written files',
-                paragraph(_EXPORTS, 'note'),
-                tables.export_table(result, extras.exports),
-            )
-        )
+        files = tables.export_table(result, extras.exports)
+        body.append(section('Torque errors of the written files', _note(_EXPORTS), files))
     if extras.truth_errors:
-        body.append(
-            section(
-                'Comparison with the true parameters',
-                paragraph(_TRUTH, 'note'),
-                tables.truth_table(extras.truth_errors, robot.joint_names),
-            )
-        )
+        errors = tables.truth_table(extras.truth_errors, joints)
+        body.append(section('Comparison with the true parameters', _note(_TRUTH), errors))
     if extras.payload is not None:
         body.append(section('Payload', tables.payload_table(extras.payload)))
-    body += _figures(result, extras)
+    body += _time_figures(result)
     body += [
         section(
             'Parameters',
-            paragraph(_PARAMETERS, 'note'),
-            paragraph(_only_prior(result), 'note'),
-            paragraph(_TRUE_PARAMETERS, 'note') if extras.truth else '',
-            tables.parameter_table(result, extras.truth),
+            *(_note(_PARAMETERS), _note(_only_prior(result))),
+            _note(_TRUE_PARAMETERS) if truth else '',
+            tables.parameter_table(result, truth),
         ),
         section(
             'Base parameters',
-            paragraph(_BASE, 'note'),
-            paragraph(_TRUE_BASE, 'note') if extras.truth else '',
-            tables.base_parameter_table(result, extras.truth),
+            *(_note(_BASE), _note(_TRUE_BASE) if truth else ''),
+            tables.base_parameter_table(result, truth),
         ),
         section(
             'Friction',
-            paragraph(_FRICTION, 'note'),
-            figures.friction_figure(result).html('friction'),
+            *(_note(_FRICTION), friction_figure(result).html('friction')),
             tables.friction_tables(result),
         ),
         section(
             'Conditioning and excitation',
-            tables.recording_table(extras.facts),
-            tables.conditioning_tables(result),
-            paragraph(_EXCITATION, 'note'),
-            tables.excitation_table(result),
+            *(tables.recording_table(extras.facts), tables.conditioning_tables(result)),
+            *(_note(_EXCITATION), tables.excitation_table(result)),
         ),
     ]
-    return page(f'Identification of {robot.model.name}', plotting_script(), body, origin())
+    title = f'Identification of {result.robot.model.name}'
+    return page(title, plotting_script(), body, origin())
+
+
+def _note(text: str) -> Html:
+    return paragraph(text, 'note')
 
 
 _METRIC = (
@@ -171,16 +166,14 @@ def _metric(result: IdentificationResult) -> str:
 
 def _headline(result: IdentificationResult) -> str:
     recommended = result.recommended
-    bags = recommended.validation or recommended.identification
     role = 'validation' if recommended.validation else 'identification'
+    bags, cad, drawn = (
+        getattr(solution, role)
+        for solution in (recommended, *(result.solutions[n] for n in ('cad', 'cad_friction')))
+    )
     worst = max(range(len(bags)), key=lambda index: bags[index].filtered)
     found = bags[worst]
-    cad_error, drawn_error = (
-        [bag.filtered for part, bag in tables.bags_of(result.solutions[name]) if part == role][
-            worst
-        ]
-        for name in ('cad', 'cad_friction')
-    )
+    cad_error, drawn_error = cad[worst].filtered, drawn[worst].filtered
     which = f'{found.bag} ({role})'
     if len(bags) > 1:
         which += f', the worst of {len(bags)} {role} bags'
@@ -206,25 +199,81 @@ def _only_prior(result: IdentificationResult) -> str:
     return f'Only the CAD prior determines {", ".join(result.only_prior)}.'
 
 
-def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
-    parts = []
-    assessments = tables.bags_of(result.recommended)
-    columns = [*result.identification, *result.validation]
-    for index, ((role, assessment), bag) in enumerate(zip(assessments, columns, strict=True)):
-        title = f'{assessment.bag} ({role})'
-        predicted = assessment.prediction.filtered
-        cad = tables.bags_of(result.solutions['cad'])[index][1].prediction.filtered
-        tau = bag.samples.tau
+_CURVE = 201  # number of points of a friction curve, odd because dry friction jumps in the middle
+_CLOUD_SIZE = 600  # number of measured points in the background
+# Number of points of all bags together, and smallest number per bag; the figures of a dozen bags
+# then fit into 3 MB.
+_POINTS, _FEWEST = 2400, 200
+
+
+def _time_figures(result: IdentificationResult) -> Iterator[Html]:
+    """Yield sections with figures of the torques and the residual of each bag over time.
+
+    With more bags, each curve has fewer points.
+    """
+    bags = [*result.identification, *result.validation]
+    most = max(_FEWEST, min(MOST_POINTS, _POINTS // len(bags)))
+    solutions = result.recommended, result.solutions['cad']
+    pairs = zip(bags, *map(tables.bags_of, solutions), strict=True)
+    for index, (bag, (role, assessed), (_, nominal)) in enumerate(pairs):
+        samples, predicted = bag.samples, assessed.prediction.filtered
         torques = [
-            figures.Curve(tau, 'measured, filtered', 'measured'),
-            figures.Curve(cad, 'predicted, CAD', 'reference', 'dot'),
-            figures.Curve(predicted, 'predicted, sdp', 'predicted'),
+            (samples.tau, 'measured, filtered', 'measured', 'solid'),
+            (nominal.prediction.filtered, 'predicted, CAD', 'reference', 'dot'),
+            (predicted, 'predicted, sdp', 'predicted', 'solid'),
         ]
-        left = [figures.Curve(tau - predicted, 'residual of sdp', 'residual')]
+        left = [(samples.tau - predicted, 'residual of sdp', 'residual', 'solid')]
         for what, name, curves in (
             ('measured and predicted torque', 'tau', torques),
             ('residual over time', 'residual', left),
         ):
-            figure = figures.time_figure(result, bag, 'Nm', curves)
-            parts.append(section(f'{title}: {what}', figure.html(f'{name}-{index}')))
-    return parts
+            figure = StackedFigure(result.robot.joint_names, 'Nm', most=most)
+            for joint in range(result.robot.n):
+                for values, *style in curves:
+                    rows = values[samples.kept, joint]
+                    figure.add(joint, samples.time[samples.kept], rows, *style)
+            title = f'{assessed.bag} ({role}): {what}'
+            yield section(title, figure.html(f'{name}-{index}'))
+
+
+def friction_figure(result: IdentificationResult) -> StackedFigure:
+    """Return a figure of each joint's modelled and measured friction torque over velocity.
+
+    Measured friction is the torque measured in the identification bags, minus the modelled torque
+    of links and rotors.
+    """
+    estimate, model = result.recommended.estimate, result.fit.model
+    figure = StackedFigure(model.joint_names, 'Nm', 'velocity [rad/s]')
+    inertial = estimate.inertial.ravel()
+    for joint in range(model.n):
+        terms = model.coefficients(estimate.theta, joint)
+        own = [(term, value) for term, value in terms if term.kind not in NOT_FRICTION]
+        dq, torque, load = _measured_friction(result, joint, own, inertial)
+        if len(dq):  # empty for a joint at rest or with constant effort
+            figure.add(joint, dq, torque, 'measured', 'cloud')
+        speed = float(np.abs(dq).max(initial=1e-3)) * np.linspace(-1.0, 1.0, _CURVE)
+        carried = np.full(_CURVE, float(np.median(load)) if len(load) else 0.0)
+        curve = sum((v * t.basis(speed, carried, carried) for t, v in own), np.zeros(_CURVE))
+        figure.add(joint, speed, curve, 'solver sdp, at the median load', 'predicted')
+        drawn = result.cad.viscous[joint] * speed + result.cad.coulomb[joint] * np.sign(speed)
+        figure.add(joint, speed, drawn, 'CAD', 'reference', 'dot')
+    return figure
+
+
+def _measured_friction(
+    result: IdentificationResult, joint: int, own: list[tuple[JointTerm, float]], inertial: Array
+) -> tuple[Array, Array, Array]:
+    """Return velocity, filtered friction torque and load of selected identification samples."""
+    parts = []
+    assessed = result.recommended.identification
+    for bag, errors in zip(result.identification, assessed, strict=True):
+        samples = bag.samples
+        rows = samples.usable[:, joint]
+        friction = samples.tau[:, joint] - errors.prediction.filtered[:, joint]
+        for term, value in own:
+            friction = friction + value * bag.term(term, inertial)[:, joint]
+        load = np.abs(bag.links_torque(inertial)[:, joint])
+        parts.append(np.column_stack([samples.dq[:, joint], friction, load])[rows])
+    stacked = np.vstack(parts)
+    dq, torque, load = stacked[:: max(1, -(-len(stacked) // _CLOUD_SIZE))].T
+    return dq, torque, load
