@@ -62,7 +62,7 @@ class ConditioningOptions:
 # [s] one period of the excitation in thesis section 3.4; shorter motions cause a warning
 _SHORT = 10.0
 _TOLERANCE = 0.01  # tolerated relative error of a period
-# Smallest fraction of a motion that must lie in whole periods, because a sweep also repeats locally.
+# Smallest fraction of a motion in whole periods, because a sweep also repeats locally.
 _LARGEST_PART = 0.5
 _TOO_SHORT = 3.0  # [s] shortest motion that can be identified
 
