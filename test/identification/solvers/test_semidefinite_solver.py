@@ -169,12 +169,6 @@ def test_impossible_centres_are_dropped_first(result: IdentificationResult) -> N
     assert total * (1 - 1e-6) <= masses.sum() <= 1.01 * total * (1 + 1e-6)
 
 
-@pytest.mark.parametrize('masses', [(2.0, 1.0), (-1.0, 1.0), (0.0, float('nan'))])
-def test_wrong_masses_are_refused(masses: tuple[float, float]) -> None:
-    with pytest.raises(IdentificationError, match='total mass'):
-        LinkBounds(masses)
-
-
 def test_the_unit_of_length_does_not_matter(system_of, factor, prior, limits) -> None:
     system = system_of(1.3 * prior.mean)
     other = replace(limits, size=3.0 * limits.size)
