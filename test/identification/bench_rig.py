@@ -10,7 +10,6 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.bench_motion import BenchMotion, BenchPlan, split
 from aerarm_ros.excitation.settings import MotionLimits
-from aerarm_ros.excitation.trajectory import MotionSequence, Stage, transfer
 from aerarm_ros.identification.motor_bench.motor_friction import MotorRun, MotorSupply
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
@@ -40,28 +39,3 @@ def measure(
         for measurement, part in split(motion.measurements, path_time)
     ]
     return runs, MotorSupply(time, *motor)
-
-
-def swing(
-    config: ArmConfig,
-    robot: Robot,
-    truth: PlantParameters,
-    joint: int,
-    posture: Sequence[float],
-    plan: BenchPlan,
-) -> MotorRun:
-    """Return the swings of one joint alone, from a plan that also has steps."""
-    arm = EmulatedArm(config, robot, truth, np.array(posture))
-    motion = BenchMotion(plan, MotionLimits.of_arm(config), arm.posture, np.array(posture), [joint])
-    (index,) = [i for i, stage in enumerate(motion.sequence.stages) if 'swings' in stage.name]
-    stage, begin = motion.sequence.stages[index], motion.sequence.boundaries[index]
-    (measurement,) = [measurement for measurement in motion.measurements if measurement.swings]
-    way = transfer(arm.posture, stage.motion.evaluate(0.0).q, 0.5)
-    rows = [
-        (state.path_time, state.q[joint], state.dq[joint], state.tau[joint])
-        for state in arm.play(MotionSequence([Stage('transfer', way), stage]))
-    ]
-    time, *values = np.array(rows).T
-    time = time - way.duration + begin
-    part = (time >= measurement.start) & (time < measurement.end)
-    return MotorRun(None, time[part], *(value[part] for value in values), swings=True)

@@ -26,39 +26,23 @@ from aerarm_ros.model.inertia import barycentric_inertia
 from aerarm_ros.model.regressor import Regressor
 
 
-@pytest.fixture(scope='module')
-def estimates(result: IdentificationResult):
-    return solve_all(result.fit, result.cad)
-
-
-def test_solver_errors_have_the_expected_order(result: IdentificationResult, estimates) -> None:
-    regression = result.fit.regression
+def test_solvers_run_on_request_in_the_expected_order(
+    result: IdentificationResult, slsqp: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    regression, told = result.fit.regression, []
+    with monkeypatch.context() as patch:
+        patch.setitem(SOLVERS, 'halved', None)  # removes the new solver afterwards
+        solver('halved', 'half of the nominal parameters', 9, True)(lambda f, _: 0.5 * f.prior.mean)
+        estimates = solve_all(result.fit, result.cad, ['slsqp', 'halved'], told.append)
+    assert list(estimates) == ['cad', 'cad_friction', 'ols', 'slsqp', 'sdp', 'halved']
+    assert told == ['slsqp']  # the only slow one
+    assert np.array_equal(estimates['slsqp'].theta, slsqp)  # the same bits in every run
+    assert np.array_equal(estimates['cad'].theta, result.fit.prior.mean)
+    assert np.array_equal(estimates['halved'].theta, 0.5 * result.fit.prior.mean)
     errors = {name: regression.error(estimate.theta) for name, estimate in estimates.items()}
     assert min(errors, key=errors.get) == 'ols'
     assert errors['cad'] > 3.0 * errors['sdp']
     assert errors['sdp'] < 1.5 * errors['ols']
-    assert np.array_equal(estimates['cad'].theta, result.fit.prior.mean)
-
-
-def test_slow_solvers_run_on_request_and_report_progress(
-    result: IdentificationResult, slsqp: np.ndarray
-) -> None:
-    told: list[str] = []
-    estimates = solve_all(result.fit, result.cad, ['slsqp'], told.append)
-    assert list(estimates) == ['cad', 'cad_friction', 'ols', 'slsqp', 'sdp']
-    assert told == ['slsqp']
-    assert np.array_equal(estimates['slsqp'].theta, slsqp)  # the same bits in every run
-
-
-def test_a_decorated_function_is_a_solver(
-    result: IdentificationResult, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        patch.setitem(SOLVERS, 'halved', None)  # removes the new solver afterwards
-        solver('halved', 'half of the nominal parameters', 9)(lambda fit, _: 0.5 * fit.prior.mean)
-        estimates = solve_all(result.fit, result.cad, ['halved'])
-    assert list(estimates)[-1] == 'halved'
-    assert np.array_equal(estimates['halved'].theta, 0.5 * result.fit.prior.mean)
     with pytest.raises(IdentificationError, match='halved: choose from cad, cad_friction, ols'):
         solve_all(result.fit, result.cad, ['halved'])
 
@@ -72,11 +56,6 @@ def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResul
     (note,) = estimates[RECOMMENDED].notes
     assert 'solver entropic was skipped' in note
     assert 'link 3' in note
-
-
-def test_an_unknown_solver_is_refused(result: IdentificationResult) -> None:
-    with pytest.raises(IdentificationError, match='choose from cad, cad_friction'):
-        solve_all(result.fit, result.cad, names=['magic'])
 
 
 def test_a_parameter_at_its_bound_is_exactly_zero(result: IdentificationResult) -> None:
@@ -93,16 +72,8 @@ def test_a_parameter_at_its_bound_is_exactly_zero(result: IdentificationResult) 
     assert estimate.std[index] > 0.0
 
 
-OFFSET = JointTerm(TermKind.OFFSET)
-
-
-@pytest.fixture
-def model(robot: Robot) -> JointModel:
-    return JointModel.uniform(robot.joint_names, robot.link_names, (*THESIS_TERMS, ROTOR, OFFSET))
-
-
 def test_the_cad_column_of_table_a1_is_physical_the_others_are_not(
-    model: JointModel, robot: Robot, table_a1: dict[str, np.ndarray]
+    robot: Robot, table_a1: dict[str, np.ndarray]
 ) -> None:
     """thesis-notes: SLSQP fails the pseudo-inertia test, SA even (3.9)."""
     plain = JointModel.uniform(robot.joint_names, robot.link_names, THESIS_TERMS)
@@ -113,9 +84,9 @@ def test_the_cad_column_of_table_a1_is_physical_the_others_are_not(
 
 
 @pytest.mark.parametrize(('column', 'physical'), [('fv_joint2', False), ('fo_joint2', True)])
-def test_negative_coefficients(
-    model: JointModel, robot: Robot, column: str, physical: bool
-) -> None:
+def test_negative_coefficients(robot: Robot, column: str, physical: bool) -> None:
+    terms = (*THESIS_TERMS, ROTOR, JointTerm(TermKind.OFFSET))
+    model = JointModel.uniform(robot.joint_names, robot.link_names, terms)
     theta = ArmParameters.stated(robot, None).vector(model)
     theta[model.columns.index(column)] = -0.1
     estimate = Estimate('test', model, theta)
@@ -143,23 +114,18 @@ def inertial(problem: ThesisProblem, theta: np.ndarray) -> np.ndarray:
     return theta[: 10 * problem.n].reshape(-1, 10)
 
 
-def test_cad_obeys_every_constraint(problem: ThesisProblem) -> None:
-    assert problem.inequalities(inertial(problem, problem.start)).min() > 0.0
+def test_cad_obeys_every_constraint_and_each_notices_its_violation(problem: ThesisProblem) -> None:
+    cad = inertial(problem, problem.start)
+    assert problem.inequalities(cad).min() > 0.0
     lower, upper = problem.bounds()
     assert np.all((lower <= problem.start) & (problem.start <= upper))
-
-
-def test_each_constraint_notices_its_violation(problem: ThesisProblem) -> None:
-    cad = inertial(problem, problem.start)
-    flat = cad.copy()
+    flat, shifted = cad.copy(), cad.copy()
     flat[1, 4] -= 1.01 * barycentric_inertia(cad[1])[0, 0]
-    shifted = cad.copy()
     shifted[2, 1] += 2.0 * cad[2, 0] * problem.limits.size[2]
-    heavy = cad * 2.1
     for wrong, links in ((flat, {1}), (shifted, {2})):
         values = problem.inequalities(wrong)[:-2].reshape(-1, 9)
         assert set(np.flatnonzero(values.min(axis=1) < 0.0)) == links
-    assert problem.inequalities(heavy)[-1] < 0.0
+    assert problem.inequalities(2.1 * cad)[-1] < 0.0
 
 
 def test_slopes_are_those_of_the_functions(problem: ThesisProblem) -> None:
