@@ -168,16 +168,12 @@ def test_an_identified_arm_has_the_friction_of_its_file_and_no_other(tmp_path, m
     assert not simulated[0].coulomb.any()
 
 
-def test_a_missing_model_is_one_clear_line(tmp_path, capsys) -> None:
-    assert experiment.main(['--identified', str(tmp_path / 'absent.urdf')]) == 1
-    assert 'absent.urdf' in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ('arguments', 'text'),
     [
         (['--only', 'nothing'], "no case has a name that contains 'nothing' (--only): choose from"),
         (['--out', '/proc/experiment'], '/proc/experiment'),
+        (['--identified', '/proc/absent.urdf'], 'absent.urdf'),
     ],
 )
 def test_impossible_runs_and_outputs_are_reported_at_the_start(arguments, text, capsys) -> None:
