@@ -72,17 +72,6 @@ def test_a_parameter_at_its_bound_is_exactly_zero(result: IdentificationResult) 
     assert estimate.std[index] > 0.0
 
 
-def test_the_cad_column_of_table_a1_is_physical_the_others_are_not(
-    robot: Robot, table_a1: dict[str, np.ndarray]
-) -> None:
-    """thesis-notes: SLSQP fails the pseudo-inertia test, SA even (3.9)."""
-    plain = JointModel.uniform(robot.joint_names, robot.link_names, THESIS_TERMS)
-    physical = {k: Estimate(k, plain, v).physically_consistent for k, v in table_a1.items()}
-    assert physical == {'CAD': True, 'SLSQP': False, 'SA': False}
-    eigenvalue = Estimate('', plain, table_a1['CAD']).min_pseudo_inertia_eigenvalue
-    assert eigenvalue == pytest.approx(1.6e-5, rel=0.05)
-
-
 @pytest.mark.parametrize(('column', 'physical'), [('fv_joint2', False), ('fo_joint2', True)])
 def test_negative_coefficients(robot: Robot, column: str, physical: bool) -> None:
     terms = (*THESIS_TERMS, ROTOR, JointTerm(TermKind.OFFSET))
