@@ -40,8 +40,8 @@ class IdentificationResult:
     ----------
     gravity : GravityDirection or None
         Direction of gravity estimated from the data; None if not requested.
-    delay : EffortDelay or None
-        Estimated delay of efforts; None if its estimation was not requested.
+    delay : EffortDelay
+        Estimated delay of efforts.
     conditioner : Conditioner
         Conditioner with cut-off, period, harmonics and corrected delays.
     filter_choice : FilterChoice
@@ -67,7 +67,7 @@ class IdentificationResult:
     cad: ArmParameters
     conditioner: Conditioner
     gravity: GravityDirection | None
-    delay: EffortDelay | None
+    delay: EffortDelay
     filter_choice: FilterChoice
     validation: list[SampleColumns]
     thesis_base: BaseParameters

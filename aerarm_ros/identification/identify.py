@@ -338,7 +338,7 @@ class _PreparedBags:
     choice: FilterChoice
     stated_bags: list[SampleColumns]
     gravity: GravityDirection | None
-    delay: EffortDelay | None
+    delay: EffortDelay
 
 
 def _prepared(
@@ -349,7 +349,7 @@ def _prepared(
     options: IdentificationOptions,
 ) -> _PreparedBags:
     """Choose the filter, then estimate the direction of gravity and the signal delays."""
-    robot, gravity, delay = level.robot, None, None
+    robot, gravity = level.robot, None
     choice = choose_filter(level, conditioner, identification)
     stated_bags = choice.bags
     if options.tilt:
@@ -358,11 +358,10 @@ def _prepared(
     regressor = Regressor(robot)
     if gravity is not None and gravity.tilt > 0.0:
         choice = choose_filter(regressor, conditioner, identification)
-    if not options.conditioning.exact_stamps:
-        late = choice.has_late_velocities
-        in_time = choice.excerpts(regressor, identification, in_time=True) if late else None
-        delay = find_effort_delay(choice.excerpts(regressor, identification), cad, in_time)
-        choice = choice.with_effort_delay(regressor, identification, delay)
+    late = choice.has_late_velocities
+    in_time = choice.excerpts(regressor, identification, in_time=True) if late else None
+    delay = find_effort_delay(choice.excerpts(regressor, identification), cad, in_time)
+    choice = choice.with_effort_delay(regressor, identification, delay)
     choice = replace(choice, bags=weighted_bags(choice.bags, cad))
     if gravity is None or gravity.tilt == 0.0:
         stated_bags = choice.bags

@@ -193,14 +193,13 @@ def _gravity(result: IdentificationResult) -> str:
 
 def _delays(result: IdentificationResult) -> str:
     names, used = result.robot.joint_names, result.conditioner.delays
-    deviation = np.full(len(names), np.nan) if result.delay is None else result.delay.deviation
     late = {
         'velocities': [
             f'{n} {1e3 * v:.1f} ms' for n, v in zip(names, used.velocity, strict=True) if v
         ],
         'efforts': [
             f'{n} {1e3 * v:.1f} ± {1e3 * d:.1f} ms'
-            for n, v, d in zip(names, used.effort, deviation, strict=True)
+            for n, v, d in zip(names, used.effort, result.delay.deviation, strict=True)
             if v
         ],
     }

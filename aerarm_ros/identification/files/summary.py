@@ -208,12 +208,11 @@ def _gravity(result: IdentificationResult) -> dict[str, Any]:
 
 
 def _delays(result: IdentificationResult) -> dict[str, Any]:
-    found = result.delay
     return {
         **_entry(result.conditioner.delays, 'velocity', 'effort'),
         'velocity_used': result.filter_choice.kinematics.in_time,
-        'effort_found': None if found is None else found.found.tolist(),
-        'effort_deviation': None if found is None else found.deviation.tolist(),
+        'effort_found': result.delay.found.tolist(),
+        'effort_deviation': result.delay.deviation.tolist(),
     }
 
 

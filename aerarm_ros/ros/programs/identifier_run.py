@@ -352,8 +352,7 @@ class IdentifierRun:
 
 
 def _conditioning(options: argparse.Namespace) -> ConditioningOptions:
-    names = ('fundamental', 'harmonics', 'cutoff', 'filter', 'exact_stamps')
-    return ConditioningOptions(**{name: getattr(options, name) for name in names})
+    return ConditioningOptions(options.fundamental, options.cutoff)
 
 
 def _print_replaced(directory: ResultDirectory) -> None:

@@ -80,7 +80,7 @@ def test_a_joint_that_only_validation_fails_to_predict(result: IdentificationRes
     assert joint_warnings(solution, joints) == []
     poor = [replace(b, per_joint_filtered=np.array([1, 2, 35, 4])) for b in solution.validation]
     (text,) = joint_warnings(replace(solution, validation=poor), joints)
-    assert 'in validation (residual joint3 35 %)' in text
+    assert 'exceeds 20 % in validation (joint3 35 %)' in text
     assert joint_warnings(replace(solution, validation=[]), joints) == []
 
 
@@ -91,4 +91,4 @@ def test_a_joint_that_another_one_drives(make_arm: Callable) -> None:
     for coupled, said in (((), True), ((('joint4', 'joint2'),), False)):
         text = ' '.join(identified(recording, coupled=coupled).warnings)
         assert ('--coupled joint4=joint2' in text) == said
-        assert ('torque of some joints (residual joint4' in text) == said
+        assert ('of some joints exceeds 20 % (joint4' in text) == said

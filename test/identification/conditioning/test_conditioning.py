@@ -87,10 +87,10 @@ def brief(make_arm: Callable):
     ('last', 'options', 'words'),
     [
         (1.0, {}, ''),
-        (1.0, {'fundamental': 0.1, 'harmonics': 5}, ''),
-        (1.0, {'fundamental': 0.05, 'harmonics': 17}, ''),  # two periods together are periodic too
-        (1.0, {'harmonics': 3}, '5 harmonics, up to 0.5 Hz'),
-        (0.6, {'harmonics': 5}, 'so --harmonics is ignored'),
+        (1.0, {'fundamental': 0.1}, ''),
+        (1.0, {'fundamental': 0.05}, ''),  # two periods together are periodic too
+        (1.0, {'fundamental': 0.13}, 'repeats every 10 s'),
+        (0.6, {'fundamental': 0.01}, 'contains less than one period of 100 s'),
     ],
 )
 def test_options_that_contradict_the_motion_cause_warnings(
@@ -108,15 +108,9 @@ def test_options_that_contradict_the_motion_cause_warnings(
         (1.0, {'cutoff': 1e-9}, 'would filter out the motion'),
         (1.0, {'cutoff': 48.0}, 'above 40 Hz.*choose a lower cutoff'),
         (1.0, {'fundamental': 7.0}, 'repeats every 10 s'),
-        (1.0, {'fundamental': 0.13, 'filter': 'harmonics'}, 'repeats every 10 s'),
-        (1.0, {'harmonics': 600}, '60 Hz, beyond the Nyquist frequency 50 Hz'),
-        (0.6, {'fundamental': 7.0, 'filter': 'harmonics'}, '7 Hz, but .* does not repeat .* 0.142'),
-        (0.6, {'fundamental': 0.01, 'filter': 'harmonics'}, 'no whole period of --fundamental 0.0'),
-        (0.6, {'filter': 'harmonics'}, '--filter harmonics needs whole periods'),
+        (0.6, {'fundamental': 7.0}, '7 Hz, but .* does not repeat .* 0.142'),
         (1.0, {'cutoff': -1.0}, 'cutoff = -1.0 must be a positive frequency'),
         (1.0, {'fundamental': float('nan')}, 'fundamental'),
-        (1.0, {'harmonics': 0}, 'at least 1'),
-        (1.0, {'filter': 'none'}, "filter 'none': choose auto, harmonics, butterworth"),
     ],
 )
 def test_impossible_options_are_refused(

@@ -119,7 +119,7 @@ def test_faulty_arguments_are_named(bags: object, options: dict, words: str) -> 
 
 def test_bags_have_distinct_names(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
     stamp, q, dq, tau = (values[::4] for values in arrays)
-    known = aerarm_ros.ConditioningOptions(cutoff=3.0, filter='butterworth', exact_stamps=True)
+    known = aerarm_ros.ConditioningOptions(cutoff=3.0)
     options = aerarm_ros.IdentificationOptions(known, friction='coulomb', tilt=False)
     files = [tmp_path / folder / 'a.npz' for folder in ('one', 'two')]
     for file in files:
