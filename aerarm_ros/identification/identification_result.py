@@ -12,7 +12,6 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.filter_choice import EffortDelay, FilterChoice, GravityDirection
 from aerarm_ros.identification.joint_model import ArmParameters
-from aerarm_ros.identification.model_choice import Comparison
 from aerarm_ros.identification.model_fit import BaseParameters, ModelFit, RegressionBank
 from aerarm_ros.identification.regression import Prediction, SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
@@ -53,8 +52,6 @@ class IdentificationResult:
         parameters of all fitted columns.
     fit : ModelFit
         Fit with the regression that all solvers use.
-    comparisons : list of Comparison
-        Friction models that were tried for each joint.
     solutions : dict of str to Solution
         Solution of each solver.
     left_out : list of str
@@ -73,7 +70,6 @@ class IdentificationResult:
     thesis_base: BaseParameters
     used_base: BaseParameters
     fit: ModelFit
-    comparisons: list[Comparison]
     solutions: dict[str, Solution]
     left_out: list[str]
     demands: list[BagDemand]

@@ -287,7 +287,7 @@ def identify(
     bags = choice.bags
     with stopwatch.stage('model selection'):
         coupled = (*(config.coupled_joints if config else ()), *options.coupled)
-        fit, comparisons = choose_model(robot, bags, cad, options.friction, coupled)
+        fit = choose_model(robot, bags, cad, options.friction, coupled)
     with stopwatch.stage('solvers'):
         fit, estimates, left_out, held = _solved(fit, cad, bags, options)
     with stopwatch.stage('regression'):
@@ -322,7 +322,6 @@ def identify(
         thesis_base=thesis_base,
         used_base=used_base,
         fit=fit,
-        comparisons=comparisons,
         solutions=solutions,
         left_out=left_out,
         demands=demands[0] + demands[1],

@@ -82,15 +82,11 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             _note(_TRUE_PARAMETERS) if truth else '',
             tables.parameter_table(result, truth),
         ),
-        section(
-            'Base parameters',
-            *(_note(_BASE), _note(_TRUE_BASE) if truth else ''),
-            tables.base_parameter_table(result, truth),
-        ),
+        section('Base parameters', *(_note(_BASE), tables.base_parameter_table(result))),
         section(
             'Friction',
             *(_note(_FRICTION), friction_figure(result).html('friction')),
-            tables.friction_tables(result),
+            tables.friction_table(result),
         ),
         section(
             'Conditioning and excitation',
@@ -144,13 +140,6 @@ _FRICTION = (
 _TRUE_PARAMETERS = (
     'True: parameters of the simulated arm. The identified values include the errors of the torque '
     'constants, so even an estimate without error differs from the true values.'
-)
-_TRUE_BASE = (
-    'True: parameter of the simulated arm. As measured: result of the same weighted least-squares '
-    'fit to the true torque without noise, multiplied by the error of each torque constant. '
-    'Standard deviations account only for noise. A deviation far beyond 3 means that the model '
-    'lacks a term, for example friction at reversal, or a delay between angle and torque. A dash '
-    'means that the simulated arm has no such parameter.'
 )
 _EXCITATION = (
     "Excess of each bag's motion over the range of the identification motion, and uncertainty of "

@@ -11,9 +11,8 @@ from identified import identified
 
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult, torque_errors
-from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.truth import Truth, inertial_torque_errors, load_truth
+from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 
@@ -66,21 +65,3 @@ def test_the_truth_as_currents_show_it_has_no_error(
             load_truth(file, model)
     with pytest.raises(IdentificationError, match='check the path'):
         load_truth(tmp_path / 'none.yaml', model)
-
-
-def test_identified_base_parameters_are_those_that_currents_show(make_arm: Callable) -> None:
-    """Other torque constants than stated are no error of the estimate."""
-    arm, gains = make_arm(), np.array([1.02, 0.98, 1.01, 0.99])
-    states = arm.states(1, noise=1.0)
-    states = replace(states, effort=states.effort * gains)
-    found = identified(recording_from_states('bag', states, states.names, JointMapping({})))
-    values = np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
-    names = found.fit.model.columns
-    truth = Truth(dict(zip(names, values, strict=True)), np.zeros(4), gains)
-    base = found.used_base.values(found.recommended.estimate.theta)
-    measured, unscaled = (
-        (np.abs(base - true(found.fit, found.used_base)) / found.base_deviations).max()
-        for true in (truth.measured_base_values, truth.base_values)
-    )
-    assert measured < 4.0
-    assert unscaled > 20.0
