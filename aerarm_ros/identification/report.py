@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from aerarm_ros.identification import report_tables as tables
 from aerarm_ros.identification.files.summary import ExportError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.solvers.solvers import SOLVERS
-from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section
+from aerarm_ros.pages.html_text import Html, bullets, macros, origin, page, section
 from aerarm_ros.pages.plots import plotting_script
 
 if TYPE_CHECKING:  # only for type annotations
@@ -58,102 +59,42 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
     IdentificationError
         If the plotting script is not installed.
     """
-    truth, joints = extras.truth, result.robot.joint_names
-    body = [paragraph(_headline(result), 'lead')]
+    texts, truth = macros(_TEXTS), extras.truth
+    body = [_headline(texts, result)]
     if result.warnings:
         body.append(bullets(result.warnings, 'warnings'))
+    solvers = '; '.join(f'{name}: {SOLVERS[name].text}' for name in result.solutions)
     body += [
-        section('Torque errors', _note(_metric(result)), tables.error_table(result)),
+        section('Torque errors', texts.metric(solvers), tables.error_table(result)),
         section('Torque errors per joint', tables.joint_error_table(result)),
     ]
     if extras.exports:
         files = tables.export_table(result, extras.exports)
-        body.append(section('Torque errors of the written files', _note(_EXPORTS), files))
+        body.append(section('Torque errors of the written files', texts.exports(), files))
     if extras.truth_errors:
-        errors = tables.truth_table(extras.truth_errors, joints)
-        body.append(section('Comparison with the true parameters', _note(_TRUTH), errors))
+        errors = tables.truth_table(extras.truth_errors, result.robot.joint_names)
+        body.append(section('Comparison with the true parameters', texts.truth(), errors))
     if extras.payload is not None:
         body.append(section('Payload', tables.payload_table(extras.payload)))
     body += _time_figures(result)
+    about = texts.parameters(result.only_prior, truth is not None)
+    friction = friction_figure(result).html('friction')
+    conditioning = tables.recording_table(extras.facts), tables.conditioning_tables(result)
+    excitation = texts.excitation(), tables.excitation_table(result)
     body += [
-        section(
-            'Parameters',
-            *(_note(_PARAMETERS), _note(_only_prior(result))),
-            _note(_TRUE_PARAMETERS) if truth else '',
-            tables.parameter_table(result, truth),
-        ),
-        section('Base parameters', *(_note(_BASE), tables.base_parameter_table(result))),
-        section(
-            'Friction',
-            *(_note(_FRICTION), friction_figure(result).html('friction')),
-            tables.friction_table(result),
-        ),
-        section(
-            'Conditioning and excitation',
-            *(tables.recording_table(extras.facts), tables.conditioning_tables(result)),
-            *(_note(_EXCITATION), tables.excitation_table(result)),
-        ),
+        section('Parameters', about, tables.parameter_table(result, truth)),
+        section('Base parameters', texts.base(), tables.base_parameter_table(result)),
+        section('Friction', texts.friction(), friction, tables.friction_table(result)),
+        section('Conditioning and excitation', *conditioning, *excitation),
     ]
     title = f'Identification of {result.robot.model.name}'
     return page(title, plotting_script(), body, origin())
 
 
-def _note(text: str) -> Html:
-    return paragraph(text, 'note')
+_TEXTS = Path(__file__).with_suffix('.html')
 
 
-_METRIC = (
-    'Torque error of thesis (5.3): 100 |τ − Φθ| / |τ| over all joints, in percent, with measured '
-    'torque τ and predicted torque Φθ. Filtered: both torques are filtered by the same zero-phase '
-    'low-pass. Measured filtered: only the measured torque is filtered, as in most publications. '
-    'Raw: no torque is filtered.'
-)
-_EXPORTS = (
-    'Filtered torque error of the model in each written file, on the same bags. The file formats '
-    'contain different terms. Only estimate.yaml contains offsets and friction beyond thesis '
-    '(2.6). URDF contains no rotors. URDF and SDF contain no gravity.'
-)
-_TRUTH = (
-    'Error of the estimated torque of links and rotors along each motion, relative to the torque '
-    'with the true parameters of the simulated arm. Measured torque is current times the nominal '
-    'torque constant, and no data can reveal an error of this constant. For comparison, the true '
-    'torque is therefore multiplied by the relative error of the constant. The last column shows '
-    'the error without this scaling.'
-)
-_PARAMETERS = (
-    "Parameters in the frame of each link's joint, in the order of thesis (3.3) and (3.5). From "
-    'data: 0 % if only the CAD prior determines the value, 100 % if only the measured torque does. '
-    'In a sum: the torque depends only on a sum of this and other parameters, so the CAD prior '
-    'determines the single values. Column ols: unidentifiable parameters have CAD values.'
-)
-_BASE = (
-    'Parameter combinations that determine the torque, each named after its first parameter. '
-    'Standard deviations follow from the data alone, and account for correlated residuals. '
-    "Excitation is the standard deviation of the CAD prior divided by the data's standard "
-    'deviation. Below about 3, the motion contains little information about the parameter.'
-)
-_FRICTION = (
-    'Points are measured torque minus the modelled torque of links and rotors, both low-pass '
-    'filtered. The filter smooths the friction step at standstill. The line is the friction model, '
-    'at the median load if friction depends on the load.'
-)
-_TRUE_PARAMETERS = (
-    'True: parameters of the simulated arm. The identified values include the errors of the torque '
-    'constants, so even an estimate without error differs from the true values.'
-)
-_EXCITATION = (
-    "Excess of each bag's motion over the range of the identification motion, and uncertainty of "
-    'the predicted torque due to uncertain parameters. If this uncertainty exceeds the noise, the '
-    'torque of the bag depends on parameters that the identification motion did not excite.'
-)
-
-
-def _metric(result: IdentificationResult) -> str:
-    solvers = '; '.join(f'{name}: {SOLVERS[name].text}' for name in result.solutions)
-    return f'{_METRIC} {solvers}. estimate.yaml and identified.urdf contain the result of sdp.'
-
-
-def _headline(result: IdentificationResult) -> str:
+def _headline(texts: Any, result: IdentificationResult) -> Html:
     recommended = result.recommended
     role = 'validation' if recommended.validation else 'identification'
     bags, cad, drawn = (
@@ -161,31 +102,9 @@ def _headline(result: IdentificationResult) -> str:
         for solution in (recommended, *(result.solutions[n] for n in ('cad', 'cad_friction')))
     )
     worst = max(range(len(bags)), key=lambda index: bags[index].filtered)
-    found = bags[worst]
-    cad_error, drawn_error = cad[worst].filtered, drawn[worst].filtered
-    which = f'{found.bag} ({role})'
-    if len(bags) > 1:
-        which += f', the worst of {len(bags)} {role} bags'
-    better = (
-        f' ({drawn_error / found.filtered:.1f} times as high)'
-        if 0 < found.filtered < drawn_error
-        else ''
-    )
+    errors = cad[worst].filtered, drawn[worst].filtered
     consistent = recommended.estimate.physically_consistent
-    return (
-        f'Torque error of the identified model on {which}: {found.filtered:.2f} % filtered '
-        f'({found.filtered_measured:.2f} % with only the measured torque filtered, '
-        f'{found.raw:.2f} % without filter). For comparison, the filtered error is '
-        f'{cad_error:.2f} % with the CAD model, and {drawn_error:.2f} % with the CAD model and '
-        f'identified friction{better}. The '
-        f'identified model is {"" if consistent else "not "}physically consistent.'
-    )
-
-
-def _only_prior(result: IdentificationResult) -> str:
-    if not result.only_prior:
-        return 'The data contain information about every parameter.'
-    return f'Only the CAD prior determines {", ".join(result.only_prior)}.'
+    return Html(texts.headline(role, bags[worst], len(bags), *errors, consistent))
 
 
 _CURVE = 201  # number of points of a friction curve, odd because dry friction jumps in the middle
