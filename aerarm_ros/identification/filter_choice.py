@@ -218,31 +218,15 @@ _SIMILAR = 1.2  # largest ratio of the squared errors of two equally good filter
 _ENOUGH = 60.0  # [s] length of the excerpt that is used from the middle of a long recording
 
 
-@dataclass(frozen=True)
-class FilterTrial:
-    """Filter setting that was tried, with its torque error.
-
-    Attributes
-    ----------
-    cutoff : float
-        Cut-off of the torque's low-pass filter [Hz].
-    kinematics : KinematicsFilter
-        Filter of the kinematics.
-    error : float
-        Error of recorded torque [%] on held-out parts of the motion.
-    """
-
-    cutoff: float
-    kinematics: KinematicsFilter
-    error: float
-
-
 @dataclass(frozen=True, eq=False)
 class FilterChoice:
     """Comparison of filters, with the samples of the best filter.
 
     Attributes
     ----------
+    trials : dict of KinematicsFilter to float
+        Error of recorded torque [%] on held-out parts of the motion, with each tried filter; the
+        cut-off of the torque's low-pass filter equals that of the kinematics filter.
     conditioner : Conditioner
         Conditioner with the chosen cut-off.
     kinematics : KinematicsFilter
@@ -251,7 +235,7 @@ class FilterChoice:
         Recordings filtered with the chosen filter.
     """
 
-    trials: list[FilterTrial]
+    trials: dict[KinematicsFilter, float]
     conditioner: Conditioner
     kinematics: KinematicsFilter
     bags: list[SampleColumns]
@@ -397,13 +381,13 @@ class _Trials:
         return min(good, key=lambda cutoff: abs(np.log(cutoff / rule)))
 
     @property
-    def tried(self) -> list[FilterTrial]:
-        """All tried filters with their torque errors."""
+    def tried(self) -> dict[KinematicsFilter, float]:
+        """Torque error [%] with each tried filter."""
         torque = self._sums([samples.tau_raw for samples in self._samples]).sum()
-        return [
-            FilterTrial(k.cutoff, k, 100.0 * float(np.sqrt(own.sum() / max(torque, 1e-12))))
-            for k, own in self._squared_errors().items()
-        ]
+        return {
+            kinematics: 100.0 * float(np.sqrt(own.sum() / max(torque, 1e-12)))
+            for kinematics, own in self._squared_errors().items()
+        }
 
     def _squared_errors(self) -> dict[KinematicsFilter, Array]:
         """Return squared errors per trial and block, over the samples that all trials have."""

@@ -2,53 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aerarm_ros.identification import report_tables as tables
-from aerarm_ros.identification.files.summary import ExportError
+from aerarm_ros.identification.files.summary import ReportExtras
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.solvers.solvers import SOLVERS
 from aerarm_ros.pages.html_text import Html, bullets, macros, origin, page, section
 from aerarm_ros.pages.plots import plotting_script
 
 if TYPE_CHECKING:  # only for type annotations
-    from aerarm_ros.identification.payload import Payload
-    from aerarm_ros.identification.truth import InertialTorqueError, Truth
+    pass
 
 import numpy as np
 
 from aerarm_ros.identification.joint_model import NOT_FRICTION, JointTerm
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.plots import MOST_POINTS, StackedFigure
-
-
-@dataclass(frozen=True, eq=False)
-class ReportExtras:
-    """Contents of the report that an `IdentificationResult` does not include.
-
-    Attributes
-    ----------
-    truth : Truth or None
-        True parameters of a simulated arm.
-    truth_errors : sequence of InertialTorqueError
-        Errors of estimated torques, relative to torques computed with the true parameters.
-    payload : Payload or None
-        Payload identified from another recording.
-    facts : mapping
-        Further facts by bag name.
-    exports : sequence of ExportError
-        Torque errors of each exported file.
-    """
-
-    truth: Truth | None = None
-    truth_errors: Sequence[InertialTorqueError] = ()
-    payload: Payload | None = None
-    facts: Mapping[str, BagFacts] = field(default_factory=dict)
-    exports: Sequence[ExportError] = ()
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:

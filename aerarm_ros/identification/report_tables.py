@@ -139,8 +139,8 @@ def conditioning_tables(result: IdentificationResult) -> Html:
         text = f'{len(base.columns)} columns, rank {base.rank}, '
         facts.append([f'regressor, {name}', text + f'condition number {base.condition_number:.4g}'])
     choice = result.filter_choice
-    trials = [[f'{t.cutoff:.3g}', t.kinematics.label, float(t.error)] for t in choice.trials]
-    chosen = [i for i, t in enumerate(choice.trials) if t.kinematics == choice.kinematics]
+    trials = [[f'{k.cutoff:.3g}', k.label, error] for k, error in choice.trials.items()]
+    chosen = [i for i, k in enumerate(choice.trials) if k == choice.kinematics]
     headings = [
         'tried cutoff [Hz]',
         'filter of positions, velocities and accelerations',

@@ -10,9 +10,9 @@ from identified import identified
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification import identify as identification
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.files.summary import ReportExtras, summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.report import ReportExtras, report_html
+from aerarm_ros.identification.report import report_html
 
 
 def base_error(arm, result: IdentificationResult, solver: str) -> np.ndarray:
@@ -66,7 +66,7 @@ def test_a_dead_sensor_leaves_the_other_joints_identified(arm) -> None:
     errors = result.recommended.identification[0]
     assert max(errors.filtered, *errors.per_joint_filtered[:3]) < 8.0
     assert np.isnan(errors.per_joint_filtered[3])
-    entry = summarise(result, {})['solvers']['sdp']['identification'][0]
+    entry = summarise(result, {}, ReportExtras())['solvers']['sdp']['identification'][0]
     assert entry['per_joint_raw'][3] is None
     assert result.recommended.estimate.physically_consistent
     assert "Plotly.newPlot('friction'" in report_html(result, ReportExtras()).replace('"', "'")

@@ -10,13 +10,14 @@ import pytest
 from identified import identified
 
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.files.summary import export_errors, summarise
+from aerarm_ros.identification.files.summary import ReportExtras, export_errors, summarise
 from aerarm_ros.identification.identification_result import IdentificationResult, torque_errors
+from aerarm_ros.identification.identify import Stopwatch
 from aerarm_ros.ros.library.identification import IdentifiedArm, load_identified
 
 
 def test_keys_and_values(result: IdentificationResult) -> None:
-    summary = summarise(result, {'a': 1.0, 'b': 0.5})
+    summary = summarise(result, {'a': 1.0, 'b': 0.5}, ReportExtras())
     json.dumps(summary, allow_nan=False)
     assert summary['samples'] == 10_000
     assert summary['seconds'] == {'a': 1.0, 'b': 0.5, 'total': 1.5}
@@ -53,7 +54,7 @@ def loaded(make_arm: Callable) -> IdentificationResult:
 def test_written_files_have_the_errors_that_are_stated(
     loaded: IdentificationResult, tmp_path: Path
 ) -> None:
-    folder = IdentifiedArm(loaded, {}).save(tmp_path / 'result')
+    folder = IdentifiedArm(loaded, Stopwatch()).save(tmp_path / 'result')
     whole, simulator, urdf, drake, _ = (each.filtered[-1] for each in export_errors(loaded))
     assert whole == pytest.approx(loaded.recommended.validation[0].filtered)
     assert whole < simulator < urdf
@@ -61,7 +62,7 @@ def test_written_files_have_the_errors_that_are_stated(
     # The whole model comes back in one line.
     samples = loaded.validation[0].samples
     motion = samples.q, samples.dq, samples.ddq
-    expected = IdentifiedArm(loaded, {}).torque(*motion)
+    expected = IdentifiedArm(loaded, Stopwatch()).torque(*motion)
     assert load_identified(folder).torque(*motion) == pytest.approx(expected, rel=1e-9, abs=1e-9)
     # The suite reads load-dependent friction separately.
     robot, estimate = load_robot(folder / 'identified.urdf'), loaded.recommended.estimate

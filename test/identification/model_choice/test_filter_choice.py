@@ -12,7 +12,7 @@ from identified import identified
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
-from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.files.summary import ReportExtras, summarise
 from aerarm_ros.identification.filter_choice import choose_filter
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.model.dynamics import Dynamics
@@ -33,15 +33,14 @@ def test_velocities_that_lag_are_not_used_as_they_are(
     time = recording.time
     late = [np.interp(time - lag, time, column) for column in recording.dq.T]
     choice = choice_for(replace(recording, dq=np.column_stack(late)), robot)
-    by_rule = [trial for trial in choice.trials if trial.cutoff == pytest.approx(5.0)]
-    as_measured = [not (t.kinematics.from_position or t.kinematics.in_time) for t in by_rule]
-    errors = {lags: trial.error for lags, trial in zip(as_measured, by_rule, strict=True)}
+    by_rule = [k for k in choice.trials if k.cutoff == pytest.approx(5.0)]
+    errors = {not (k.from_position or k.in_time): choice.trials[k] for k in by_rule}
     if lag:
         assert choice.kinematics.from_position or choice.kinematics.in_time
         assert choice.conditioner.delays.velocity == pytest.approx(lag, rel=0.01)
         assert errors[False] < 0.5 * errors[True]
     else:
-        assert not any(trial.kinematics.in_time for trial in by_rule)
+        assert not any(k.in_time for k in by_rule)
     # What a drawing that is off weighs against data of which it is said that they are noisy.
     assert min(errors.values()) < 0.5
 
@@ -66,7 +65,8 @@ def test_a_delay_of_five_milliseconds_is_found(arm) -> None:
     assert found.delay.used[0] == pytest.approx(5e-3, abs=1e-3)
     assert np.array_equal(found.conditioner.delays.effort, found.delay.used)
     # What a summary holds are plain numbers.
-    assert json.loads(json.dumps(summarise(found, {})))['delays']['velocity_used'] is True
+    summary = json.loads(json.dumps(summarise(found, {}, ReportExtras())))
+    assert summary['delays']['velocity_used'] is True
     undelayed, corrected = (
         each.recommended.identification[0].filtered for each in (identified(bag), found)
     )
