@@ -14,12 +14,10 @@ from aerarm_ros.experiment.experiment_bench import (
     BOARDS,
     CAD,
     HOST,
-    SETTLE,
     TRUE,
     ExperimentBench,
     ExperimentCase,
     ExperimentRun,
-    run_all,
 )
 from aerarm_ros.identification.files.identified_robot import LoadFriction, identified_urdf
 from aerarm_ros.model.kinematics import Kinematics
@@ -115,17 +113,6 @@ def test_a_joint_held_on_a_moving_base_is_no_stuck_encoder(nominal) -> None:
     held = run.time > 1.0
     assert np.ptp(run.q[held], axis=0).max() < 3e-3
     assert np.ptp(run.effort[held], axis=0).max() > 2.0
-
-
-def test_a_run_is_the_same_every_time_in_every_process(nominal, motion, monkeypatch) -> None:
-    monkeypatch.setattr(experiment_bench, 'SETTLE', SETTLE)  # as in a new process
-    slow = motion.trajectory
-    quick = FourierTrajectory(4.0, slow.q0, slow.alpha / 64.0, slow.beta / 64.0)
-    bench = make_bench(nominal, RampedExcitation(quick, 1, 0.1))
-    case = ExperimentCase(HOST, CAD, observer=True)
-    (here,), (there,) = (run_all(bench, [case], workers) for workers in (1, 2))
-    assert there.case == case
-    np.testing.assert_array_equal(here.q, there.q)
 
 
 def test_writes_table_and_page(still, tmp_path, capsys, monkeypatch) -> None:
