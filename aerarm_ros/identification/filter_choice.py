@@ -144,13 +144,20 @@ class GravityDirection:
     ----------
     stated, used : (3,) ndarray
         Gravity in the base frame [m/s^2]; equal if the data show no tilt.
-    error : float
-        Held-out squared torque error with the best tilt, relative to the error without tilt.
+    error : float or None
+        Held-out squared torque error with the best tilt, relative to the error without tilt; None
+        if no tilt was estimated.
     """
 
     stated: Array
     used: Array
-    error: float = 1.0
+    error: float | None = None
+
+    @classmethod
+    def stated_by(cls, robot: Robot) -> 'GravityDirection':
+        """Return the direction of gravity that the user states for a robot."""
+        stated = np.array(robot.gravity_in_base)
+        return cls(stated, stated)
 
     @property
     def tilt(self) -> float:

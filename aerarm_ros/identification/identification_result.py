@@ -37,8 +37,8 @@ class IdentificationResult:
 
     Attributes
     ----------
-    gravity : GravityDirection or None
-        Direction of gravity estimated from the data; None if not requested.
+    gravity : GravityDirection
+        Direction of gravity: estimated from the data, or as stated.
     delay : EffortDelay
         Estimated delay of efforts.
     conditioner : Conditioner
@@ -63,7 +63,7 @@ class IdentificationResult:
     robot: Robot
     cad: ArmParameters
     conditioner: Conditioner
-    gravity: GravityDirection | None
+    gravity: GravityDirection
     delay: EffortDelay
     filter_choice: FilterChoice
     validation: list[SampleColumns]

@@ -336,7 +336,7 @@ class _PreparedBags:
     robot: Robot
     choice: FilterChoice
     stated_bags: list[SampleColumns]
-    gravity: GravityDirection | None
+    gravity: GravityDirection
     delay: EffortDelay
 
 
@@ -348,21 +348,22 @@ def _prepared(
     options: IdentificationOptions,
 ) -> _PreparedBags:
     """Choose the filter, then estimate the direction of gravity and the signal delays."""
-    robot, gravity = level.robot, None
+    robot = level.robot
     choice = choose_filter(level, conditioner, identification)
     stated_bags = choice.bags
+    gravity = GravityDirection.stated_by(robot)
     if options.tilt:
         gravity = find_gravity(robot, stated_bags, cad)
         robot = robot.with_gravity(gravity.used)
     regressor = Regressor(robot)
-    if gravity is not None and gravity.tilt > 0.0:
+    if gravity.tilt > 0.0:
         choice = choose_filter(regressor, conditioner, identification)
     late = choice.has_late_velocities
     in_time = choice.excerpts(regressor, identification, in_time=True) if late else None
     delay = find_effort_delay(choice.excerpts(regressor, identification), cad, in_time)
     choice = choice.with_effort_delay(regressor, identification, delay)
     choice = replace(choice, bags=weighted_bags(choice.bags, cad))
-    if gravity is None or gravity.tilt == 0.0:
+    if gravity.tilt == 0.0:
         stated_bags = choice.bags
     return _PreparedBags(robot, choice, stated_bags, gravity, delay)
 

@@ -166,7 +166,7 @@ def _count(value: int | None) -> Html:
 
 def _gravity(result: IdentificationResult) -> str:
     found = result.gravity
-    if found is None:
+    if found.error is None:
         return 'as stated'
     share = (
         'squared error on held-out parts, relative to the stated gravity: '

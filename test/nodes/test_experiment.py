@@ -19,7 +19,6 @@ from aerarm_ros.experiment.experiment_bench import (
     ExperimentCase,
     ExperimentRun,
 )
-from aerarm_ros.identification.files.identified_robot import LoadFriction, identified_urdf
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.nodes import experiment
 from aerarm_ros.simulation.arm_plant import PlantParameters
@@ -133,33 +132,11 @@ def test_writes_table_and_page(still, tmp_path, capsys, monkeypatch) -> None:
     assert f'cannot write the page {file} (Is a directory)' in said.err
 
 
-def test_an_identified_arm_has_the_friction_of_its_file_and_no_other(tmp_path, monkeypatch) -> None:
-    robot, load = load_robot(), np.array([0.01, 0.05, 0.03, 0.07])
-    file = tmp_path / 'identified.urdf'
-    inertial, zero = robot.inertial_parameters, np.zeros(4)
-    file.write_text(
-        identified_urdf(robot, inertial, zero, zero, LoadFriction(load, zero, zero)).text
-    )
-    simulated = []
-
-    def bench(config: object, robot: object, truth: PlantParameters, motion: object) -> None:
-        simulated.append(truth)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(experiment, 'ExperimentBench', bench)
-    monkeypatch.setattr(experiment, 'FUNDAMENTAL', 0.4)
-    with pytest.raises(KeyboardInterrupt):
-        experiment.main(['--identified', str(file), '--amplitude', '0.05', '--out', str(tmp_path)])
-    assert np.array_equal(simulated[0].load_friction, load)
-    assert not simulated[0].coulomb.any()
-
-
 @pytest.mark.parametrize(
     ('arguments', 'text'),
     [
         (['--only', 'nothing'], "no case has a name that contains 'nothing' (--only): choose from"),
         (['--out', '/proc/experiment'], '/proc/experiment'),
-        (['--identified', '/proc/absent.urdf'], 'absent.urdf'),
     ],
 )
 def test_impossible_runs_and_outputs_are_reported_at_the_start(arguments, text, capsys) -> None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerarm_ros.identification.files.identified_robot import equivalent_friction
-from aerarm_ros.identification.filter_choice import GravityDirection
 from aerarm_ros.identification.identification_result import (
     BagDemand,
     IdentificationResult,
@@ -87,10 +86,9 @@ def export_errors(result: IdentificationResult) -> list[ExportError]:
 def _under_stated_gravity(
     result: IdentificationResult, bags: Sequence[SampleColumns]
 ) -> Sequence[SampleColumns]:
-    gravity = result.gravity
-    if gravity is None or gravity.tilt == 0.0:
+    if result.gravity.tilt == 0.0:
         return bags
-    regressor = Regressor(result.robot.with_gravity(gravity.stated))
+    regressor = Regressor(result.robot.with_gravity(result.gravity.stated))
     return [SampleColumns(bag.samples, regressor) for bag in bags]
 
 
@@ -154,7 +152,7 @@ def summarise(
         'left_out': list(result.left_out),
         'excitation': [_demand(demand) for demand in result.demands],
         'conditioning': _conditioning(result),
-        'gravity': _gravity(result),
+        'gravity': _entry(result.gravity, 'stated', 'used', 'tilt'),
         'delays': _delays(result),
         'friction': {
             joint: [term_text(term, result.robot.joint_names) for term in terms]
@@ -215,11 +213,6 @@ def _conditioning(result: IdentificationResult) -> dict[str, Any]:
             for kinematics, error in choice.trials.items()
         ],
     }
-
-
-def _gravity(result: IdentificationResult) -> dict[str, Any]:
-    used = result.robot.gravity_in_base
-    return _entry(result.gravity or GravityDirection(used, used), 'stated', 'used', 'tilt')
 
 
 def _delays(result: IdentificationResult) -> dict[str, Any]:

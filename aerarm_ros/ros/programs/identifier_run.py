@@ -136,7 +136,7 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
         if not solution.estimate.physically_consistent:
             cells.append('  not physically consistent')
         lines.append(name.ljust(_NAME_WIDTH) + ''.join(cells))
-    if result.gravity is not None and result.gravity.tilt > 0.0:
+    if result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
             f'the estimated gravity differs by {degrees:.2f} degrees from the direction of '

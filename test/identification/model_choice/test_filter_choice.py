@@ -92,7 +92,7 @@ def test_a_tilt_is_found_and_used(make_arm: Callable, robot: Robot) -> None:
     assert np.linalg.norm(np.cross(gravity, true)) < np.radians(0.2) * gravity @ gravity
     assert np.linalg.norm(gravity) == pytest.approx(np.linalg.norm(found.gravity.stated))
     assert np.array_equal(found.robot.gravity_in_base, gravity)
-    assert blind.gravity is None
+    assert blind.gravity.error is None
     assert found.recommended.validation[0].filtered < 0.8 * blind.recommended.validation[0].filtered
     # What slight tilts make of the rank is not the motion's merit.
     assert found.thesis_base.rank == blind.thesis_base.rank
