@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from identified import identified
 from other_bodies import other_bodies
@@ -22,6 +21,7 @@ from aerarm_ros.identification.recording.recording import (
 )
 from aerarm_ros.identification.recording.table_file import TableStates
 from aerarm_ros.identification.regression import SampleColumns
+from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.regressor import Regressor
 
 
@@ -61,9 +61,8 @@ class SimulatedArm:
         return t, q, first * speed[:, None], second * speed[:, None] ** 2 + first * gain[:, None]
 
     def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        model = self.robot.with_inertial_parameters(self.inertial).model
-        data = model.createData()
-        links = np.array([pin.rnea(model, data, *x) for x in zip(q, dq, ddq, strict=True)])
+        dynamics = Dynamics(self.robot.with_inertial_parameters(self.inertial))
+        links = np.array([dynamics.inverse(*x) for x in zip(q, dq, ddq, strict=True)])
         dry = self.coulomb + self.load * np.abs(links)
         return links + self.rotor * ddq + self.viscous * dq + dry * np.sign(dq)
 

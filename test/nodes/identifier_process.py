@@ -11,6 +11,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
 
@@ -64,12 +65,7 @@ def motion(
     random = np.random.default_rng(seed)
     alpha, beta = random.uniform(-size, size, (2, len(centre), 5))
     t = np.arange(0.0, 20.0, 1.0 / rate)
-    omega = 0.2 * np.pi * np.arange(1, 6)
-    s, c = np.sin(np.outer(t, omega)), np.cos(np.outer(t, omega))
-    q = np.array(centre) + s @ alpha.T + c @ beta.T
-    dq = (c * omega) @ alpha.T - (s * omega) @ beta.T
-    ddq = -(s * omega**2) @ alpha.T - (c * omega**2) @ beta.T
-    return 1.7e9 + t, q, dq, ddq
+    return 1.7e9 + t, *FourierTrajectory(0.1, np.array(centre), alpha, beta).evaluate(t)
 
 
 def heavier(robot: Robot) -> Robot:
