@@ -16,14 +16,11 @@ from aerarm_ros.identification.joint_model import (
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.model_fit import find_base_parameters
-from aerarm_ros.identification.regression import ReducedRegression, triangular_factor
+from aerarm_ros.identification.regression import ReducedRegression
 from aerarm_ros.identification.solvers.estimate import SOLVERS, Estimate, solver
-from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED, solve_all
 from aerarm_ros.identification.solvers.thesis_solver import ThesisProblem, solve_annealing
 from aerarm_ros.model.inertia import barycentric_inertia
-from aerarm_ros.model.regressor import Regressor
 
 
 def test_solvers_run_on_request_in_the_expected_order(
@@ -81,22 +78,6 @@ def test_negative_coefficients(robot: Robot, column: str, physical: bool) -> Non
     estimate = Estimate('test', model, theta)
     assert estimate.physically_consistent == physical
     assert estimate.joint_values(column[:2])[1] == -0.1
-
-
-@pytest.mark.parametrize('weights', [1.0, [1.0, 0.2, 5.0, 30.0]])
-def test_exact_recovery(robot: Robot, weights) -> None:
-    random = np.random.default_rng(0)
-    regressor = Regressor(robot, rotor_inertia=True)
-    stacked = regressor.stack(*random.uniform(-2.0, 2.0, (3, 100, robot.n)))
-    true, reference = random.uniform(-1.0, 1.0, (2, stacked.shape[1]))
-    rows = np.column_stack([stacked, stacked @ true]).reshape(100, robot.n, -1)
-    factors = [triangular_factor(rows[:, joint]) for joint in range(robot.n)]
-    regression = ReducedRegression(regressor.columns, factors, [100] * robot.n)
-    found = solve_least_squares(regression, reference, weights)
-    base = find_base_parameters(regression.system().R, regression.columns)
-    assert np.allclose(base.values(found), base.values(true), atol=1e-8)
-    assert np.array_equal(found[base.dependent], reference[base.dependent])
-    assert regression.error(found) < 1e-8
 
 
 def inertial(problem: ThesisProblem, theta: np.ndarray) -> np.ndarray:
