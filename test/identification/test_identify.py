@@ -15,13 +15,18 @@ from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.report import report_html
 
 
-def base_error(arm, result: IdentificationResult, solver: str) -> np.ndarray:
-    """Return the errors of the base parameters of one solver."""
+def true_values(arm, result: IdentificationResult, solver: str) -> np.ndarray:
+    """Return the true parameters in the order of the estimate of one solver."""
     estimate = result.solutions[solver].estimate
     kinds = {'fv': arm.viscous, 'fs': arm.coulomb, 'Ja': arm.rotor, 'fl': arm.load}
     joints = [kinds[t.symbol][j] for j, t in estimate.model.joint_columns]
-    true = np.concatenate([arm.inertial.ravel(), joints])
-    return result.used_base.values(estimate.theta) - result.used_base.values(true)
+    return np.concatenate([arm.inertial.ravel(), joints])
+
+
+def base_error(arm, result: IdentificationResult, solver: str) -> np.ndarray:
+    """Return the errors of the base parameters of one solver."""
+    found, true = result.solutions[solver].estimate.theta, true_values(arm, result, solver)
+    return result.used_base.values(found) - result.used_base.values(true)
 
 
 def test_exact_recovery_from_data_without_noise(make_arm: Callable) -> None:
@@ -45,6 +50,22 @@ def test_noisy_data_are_explained_within_their_standard_deviations(
     assert sdp.validation[0].filtered < 0.2 * cad.validation[0].filtered
     assert np.all(sdp.estimate.std > 0.0)
     assert np.all((sdp.estimate.determined >= 0.0) & (sdp.estimate.determined <= 1.0))
+
+
+def test_wrong_torque_constants_yield_the_base_parameters_that_currents_show(arm) -> None:
+    """Each joint's torque is scaled; what a fit to it without noise yields is no error."""
+    gains, bag = np.array([1.02, 0.98, 1.01, 0.99]), arm.recording(1, noise=1.0)
+    result = identified(replace(bag, tau=bag.tau * gains))
+    true, rows, torque = true_values(arm, result, 'sdp'), [], []
+    fit = result.fit
+    for factor, gain, w in zip(fit.regression.factors, gains, fit.noise.weights, strict=True):
+        rows.append(w * factor[:, :-1])
+        torque.append(gain * rows[-1] @ true)
+    shown = np.linalg.lstsq(np.vstack(rows), np.hstack(torque), rcond=None)[0]
+    std, error = result.base_deviations, base_error(arm, result, 'sdp')
+    assert np.abs(error / std).max() > 20.0
+    error += result.used_base.values(true) - result.used_base.values(shown)
+    assert np.abs(error / std).max() < 4.0
 
 
 def test_load_dependent_friction_is_chosen_and_measured(make_arm: Callable) -> None:

@@ -14,8 +14,9 @@ from motor_data import GRAVITY, INERTIA, acceleration, steps, swings
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.bench_motion import BenchPlan
+from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.motor_bench.motor_backlash import is_significant
+from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_significant
 from aerarm_ros.identification.motor_bench.motor_bench import (
     Earlier,
     KnownMass,
@@ -25,7 +26,13 @@ from aerarm_ros.identification.motor_bench.motor_bench import (
     fit_inertia,
     fit_torque_constant,
 )
-from aerarm_ros.identification.motor_bench.motor_friction import MotorRun, fit_motor_friction
+from aerarm_ros.identification.motor_bench.motor_friction import (
+    VOLTAGE,
+    MotorFriction,
+    MotorRun,
+    MotorSupply,
+    fit_motor_friction,
+)
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
@@ -33,11 +40,20 @@ from aerarm_ros.simulation.arm_plant import PlantParameters
 PLAN = BenchPlan(speeds=(1.0, 2.0), span=1.2, runs=1)
 LOADED_PLAN = BenchPlan(speeds=(1.0, 1.6), span=1.4, runs=1)  # joint 2 takes longer to get fast
 GRAVITY_PLAN = BenchPlan(speeds=(1.2, 2.0), span=1.2, runs=0)
+WORN = 0.015  # [rad] of play in each gear
+WOUND = 0.19  # [ohm] of the motors that report voltages, not as configured
 
 
 @pytest.fixture(scope='module')
 def config() -> ArmConfig:
     return load_arm_config()
+
+
+@pytest.fixture(scope='module')
+def telling(config: ArmConfig) -> ArmConfig:
+    """The same arm with boards that report voltages, its windings not as configured."""
+    joints = [replace(j, motor=replace(j.motor, resistance=WOUND)) for j in config.joints]
+    return replace(config, joints=tuple(joints), profile='laas_power')
 
 
 @pytest.fixture(scope='module')
@@ -65,17 +81,34 @@ def check_drive(result: MotorResult, truth: PlantParameters, joint: int) -> None
     assert result.rotor_inertia_known
 
 
+def check_resistance(result: MotorResult, heat: EmulatedHeat, supply: MotorSupply) -> None:
+    """As wound and warmed, weighted as least squares weights it; its deviation within 5 %."""
+    true, steps = [], np.diff(supply.time, prepend=supply.time[0])
+    for current, speed, duration in zip(supply.current, supply.speed, steps, strict=True):
+        heat.step(current**2, speed, duration)
+        true.append(heat.resistance)
+    found = result.resistance
+    assert found is not None
+    assert found.source == VOLTAGE
+    assert abs(found.ohm - np.average(true, weights=supply.current**2)) < 4.0 * found.std
+    assert found.std < 0.05 * found.ohm
+
+
 @pytest.fixture(scope='module')
-def mounted(config: ArmConfig, robot: Robot, truth: PlantParameters) -> list[MotorRun]:
+def mounted(
+    telling: ArmConfig, config: ArmConfig, robot: Robot, truth: PlantParameters
+) -> tuple[list[MotorRun], MotorSupply]:
     """Runs of joint 4 without a mass."""
-    return measure(config, robot, truth, 3, config.rest_position, PLAN)[0]
+    return measure(telling, robot, truth, 3, config.rest_position, PLAN)
 
 
-def test_a_mounted_joint(
-    config: ArmConfig, robot: Robot, truth: PlantParameters, mounted: list[MotorRun]
+def test_a_mounted_joint_and_its_resistance_from_voltages(
+    config: ArmConfig, telling: ArmConfig, robot: Robot, truth: PlantParameters, mounted: tuple
 ) -> None:
     bench = MotorBench(config, robot, config.rest_position)
-    check_drive(bench.evaluate(3, mounted), truth, 3)
+    result = bench.evaluate(3, *mounted)
+    check_drive(result, truth, 3)
+    check_resistance(result, EmulatedHeat.of_joint(telling.joints[3], truth.seed), mounted[1])
     assert bench.warnings == []
 
 
@@ -92,6 +125,20 @@ def test_a_loaded_joint_and_a_rotor_behind_its_links(
     assert not result.rotor_inertia_known
     (warning,) = bench.warnings
     assert warning.startswith('joint2: rotor inertia and load inertia are not separable')
+
+
+def test_swings_measure_the_backlash_of_a_worn_gear(
+    config: ArmConfig, robot: Robot, truth: PlantParameters
+) -> None:
+    """Joint 2 is the whole arm's: the play of the others' gears does not matter."""
+    worn, plan = replace(truth, backlash=np.full(4, WORN)), BenchPlan(swings=2)
+    runs, _ = measure(config, robot, worn, 1, config.rest_position, plan, swings_only=True)
+    links, rotor = 0.2398, config.joints[1].reflected_inertia  # as drawn
+    gravity, nothing = np.array([0.0, 5.08]), np.zeros(0)  # as steps tell it of this arm
+    friction = MotorFriction(0.0, 0.1, 0.02, gravity, np.zeros((5, 5)), nothing, nothing)
+    found = fit_backlash(runs, friction, (links, 0.2 * links), (rotor, 0.3 * rotor), 'joint2')
+    assert found[0] == pytest.approx(WORN, rel=0.1)
+    assert is_significant(found)
 
 
 def test_swings_without_a_significant_backlash_are_reported(
@@ -119,12 +166,12 @@ def test_swings_without_a_significant_backlash_are_reported(
 
 
 def test_torque_constant_from_a_known_mass(
-    config: ArmConfig, robot: Robot, truth: PlantParameters, mounted: list[MotorRun]
+    config: ArmConfig, robot: Robot, truth: PlantParameters, mounted: tuple
 ) -> None:
     mass, centre = 0.3, (0.1, 0.0, 0.0)
     loaded = truth.carrying(mass, centre, 0.03)
     runs, _ = measure(config, robot, loaded, 3, config.rest_position, GRAVITY_PLAN)
-    alone = MotorBench(config, robot, config.rest_position).evaluate(3, mounted)
+    alone = MotorBench(config, robot, config.rest_position).evaluate(3, mounted[0])
     earlier = Earlier({'joint4': alone.friction.gravity}, np.array(config.rest_position))
     bench = MotorBench(config, robot, config.rest_position, KnownMass(mass, centre), earlier)
     result = bench.evaluate(3, runs)

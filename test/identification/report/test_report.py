@@ -1,10 +1,14 @@
 """The report is one file that opens offline and says what matters."""
 
+import re
+import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
+from headless_browser import CHROMIUM
 
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.recording.recording import BagFacts
@@ -104,3 +108,25 @@ def test_missing_true_values_are_a_dash(result: IdentificationResult, extras: Re
         rows = parameter_table(result, truth).split('<tr>')
         (row,) = (row for row in rows if '>fv_joint1<' in row)
         assert row.count('–') == dashes
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='chromium is not installed: apt install chromium')
+def test_a_real_browser_draws_every_figure(html: str, tmp_path: Path) -> None:
+    page = tmp_path / 'report.html'
+    # What the browser says about errors and requests goes into the page it prints.
+    watch = (
+        '<script>window.onerror = m => document.documentElement.dataset.error = m;'
+        'new PerformanceObserver(l => document.documentElement.dataset.fetched ='
+        'l.getEntries().map(e => e.name).join()).observe({type: "resource"});</script>'
+    )
+    page.write_text(html.replace('<head>', '<head>' + watch))
+    options = ['--headless', '--no-sandbox', '--disable-gpu', '--virtual-time-budget=10000']
+    options += [f'--user-data-dir={tmp_path / "profile"}', '--dump-dom', page.as_uri()]
+    done = subprocess.run([str(CHROMIUM), *options], capture_output=True, text=True, timeout=120)
+    root, body = done.stdout.split('<head>', 1)[0], done.stdout.rsplit('<body>', 1)[1]
+    assert 'data-error' not in root
+    assert 'data-fetched' not in root
+    # A bag has three curves of torque and one of its residual; friction has two. Each is drawn for
+    # four joints and in the legend.
+    assert len(re.findall(r'class="js-line"', body)) == 5 * (2 * (3 + 1) + 2)
+    assert all(f'{joint} [Nm]' in body for joint in ('joint1', 'joint4'))
