@@ -138,8 +138,8 @@ setup(
     packages=find_packages(
         include=['aerarm_ros', 'aerarm_ros.*', 'aerarm_msgs_py', 'aerarm_msgs_py.*']
     ),
-    # What pages are made of lies beside the modules that fill it in.
-    package_data={'': ['py.typed', '*.html', '*.css', '*.js']},
+    # Templates of pages and models lie beside the modules that fill them in.
+    package_data={'': ['py.typed', '*.html', '*.css', '*.js', '*.jinja']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (share(), ['package.xml']),

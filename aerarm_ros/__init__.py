@@ -25,7 +25,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         ],
         'identification.conditioning.motion_check': ['ConditioningOptions'],
         'identification.identify': ['IdentificationOptions'],
-        'identification.arm_parameters': ['LinkBounds'],
+        'identification.joint_model': ['LinkBounds'],
         'identification.errors': ['IdentificationError'],
     },
 )

@@ -31,8 +31,7 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport, mou
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import ArmState, Array, JointReference
-from aerarm_ros.pages.html_text import Html, origin, page, paragraph, section, table, text_table
-from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
+from aerarm_ros.pages.html_text import origin, page, paragraph, section, table, text_table
 from aerarm_ros.parallel import run_in_order
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, MOVING, STILL, TILTED
@@ -283,7 +282,6 @@ HEADINGS = (
     'tool final [mm]',
     'RMS relative to a still drone: joint, tool',
 )
-_MOST_POINTS = 1500
 _TOOL_RMS = HEADINGS.index('tool RMS [mm]')
 
 
@@ -334,8 +332,7 @@ class ExperimentReport:
             ]
             best = min(range(len(rows)), key=lambda k: float(rows[k][_TOOL_RMS]))
             body.append(section(f'Errors, drone {base}', table(HEADINGS, rows, [best])))
-        body.append(section('Path of the tool', self._figure()))
-        text = page('Dynamic controllers', plotting_script(), body, origin())
+        text = page('Dynamic controllers', '', body, origin())
         write_whole(path, text)
 
     def _over_still(self, case: ExperimentCase, rms: Array) -> str:
@@ -350,38 +347,6 @@ class ExperimentReport:
         still = self._still.get(replace(case, base=STILL, aware=False))
         return '' if still is None else ' '.join(f'{ratio:.2f}' for ratio in rms / still)
 
-    def _figure(self) -> Html:
-        """Return a figure with the desired tool path and the tool path of a selectable run."""
-        shown = np.flatnonzero(self._runs[0].at_full_speed)
-        shown = shown[:: max(1, len(shown) // _MOST_POINTS)]
-        desired = self._path(self._runs[0].qd[shown])
-        extent = np.ptp(desired, axis=0) + 1e-3  # a flat path also needs a box
-        traces = [_curve(desired, 'desired', True)]
-        for index, run in enumerate(self._runs):
-            traces.append(_curve(self._path(run.q[shown]), run.case.name, index == 0))
-        choices = [
-            {
-                'label': run.case.name,
-                'method': 'restyle',
-                'args': ['visible', [True, *(other is run for other in self._runs)]],
-            }
-            for run in self._runs
-        ]
-        layout = {
-            'height': 640,
-            'margin': {'l': 0, 'r': 0, 't': 60, 'b': 0},
-            'scene': {
-                **{f'{axis}axis': {'title': {'text': f'{axis} [m]'}} for axis in 'xyz'},
-                # Equal scales with the longest side 1.8; plotly's default exceeds the picture.
-                'aspectratio': dict(
-                    zip('xyz', (1.8 * extent / extent.max()).tolist(), strict=True)
-                ),
-            },
-            'updatemenus': [{'buttons': choices, 'x': 0.0, 'xanchor': 'left', 'y': 1.12}],
-            'legend': {'orientation': 'h', 'y': 0.0},
-        }
-        return figure_html('paths', traces, layout)
-
     def _path(self, q: Sequence[Array] | Array) -> Array:
         return np.array([self._kinematics.position(row) for row in q])
 
@@ -389,10 +354,3 @@ class ExperimentReport:
 def _numbers(row: Sequence[str]) -> list[str | float]:
     """Return a table row whose numeric texts are converted to numbers, for the page."""
     return [float(x) if x.replace('.', '', 1).isdigit() else x for x in row]
-
-
-def _curve(path: Array, name: str, is_seen: bool) -> dict[str, Any]:
-    x, y, z = np.round(path, 5).T.tolist()
-    line = {'width': 3}
-    curve = {'type': 'scatter3d', 'mode': 'lines', 'x': x, 'y': y, 'z': z, 'line': line}
-    return {**curve, 'name': plain_text(name), 'visible': is_seen}

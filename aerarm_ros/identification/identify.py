@@ -9,21 +9,10 @@ import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters, CoupledJoints, LinkBounds
-from aerarm_ros.identification.assessment import assess, bag_demand, extrapolation_warnings
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.identification_result import IdentificationResult, Solution
-from aerarm_ros.identification.input_errors import (
-    bound_warnings,
-    coupling_warnings,
-    error_warnings,
-    find_input_errors,
-    joint_warnings,
-)
-from aerarm_ros.identification.joint_model import THESIS_TERMS, JointModel, TermKind
-from aerarm_ros.identification.model_choice.filter_choice import (
+from aerarm_ros.identification.filter_choice import (
     EffortDelay,
     FilterChoice,
     GravityDirection,
@@ -32,15 +21,39 @@ from aerarm_ros.identification.model_choice.filter_choice import (
     find_effort_delay,
     find_gravity,
 )
-from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choose_model
-from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
-from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.regression.base_parameters import (
-    BaseParameters,
-    find_base_parameters,
+from aerarm_ros.identification.identification_result import (
+    IdentificationResult,
+    Solution,
+    assess,
+    bag_demand,
+    extrapolation_warnings,
 )
-from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
-from aerarm_ros.identification.regression.regression import SampleColumns, triangular_factor
+from aerarm_ros.identification.input_errors import (
+    bound_warnings,
+    coupling_warnings,
+    error_warnings,
+    find_input_errors,
+    joint_warnings,
+)
+from aerarm_ros.identification.joint_model import (
+    THESIS_TERMS,
+    ArmParameters,
+    CoupledJoints,
+    JointModel,
+    LinkBounds,
+    TermKind,
+)
+from aerarm_ros.identification.model_choice import AUTOMATIC, choose_model
+from aerarm_ros.identification.model_fit import (
+    BaseParameters,
+    ModelFit,
+    RegressionBank,
+    find_base_parameters,
+    fit_model,
+)
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.regression import SampleColumns, triangular_factor
+from aerarm_ros.identification.simple_fit import SimpleFit
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import DEFAULT, RECOMMENDED, solve_all
 from aerarm_ros.model.regressor import Regressor
@@ -274,7 +287,7 @@ def identify(
     bags = choice.bags
     with stopwatch.stage('model selection'):
         coupled = (*(config.coupled_joints if config else ()), *options.coupled)
-        fit, comparisons = choose_model(robot, bags, cad, options.friction, coupled)
+        fit = choose_model(robot, bags, cad, options.friction, coupled)
     with stopwatch.stage('solvers'):
         fit, estimates, left_out, held = _solved(fit, cad, bags, options)
     with stopwatch.stage('regression'):
@@ -309,7 +322,6 @@ def identify(
         thesis_base=thesis_base,
         used_base=used_base,
         fit=fit,
-        comparisons=comparisons,
         solutions=solutions,
         left_out=left_out,
         demands=demands[0] + demands[1],
@@ -324,8 +336,8 @@ class _PreparedBags:
     robot: Robot
     choice: FilterChoice
     stated_bags: list[SampleColumns]
-    gravity: GravityDirection | None
-    delay: EffortDelay | None
+    gravity: GravityDirection
+    delay: EffortDelay
 
 
 def _prepared(
@@ -336,22 +348,22 @@ def _prepared(
     options: IdentificationOptions,
 ) -> _PreparedBags:
     """Choose the filter, then estimate the direction of gravity and the signal delays."""
-    robot, gravity, delay = level.robot, None, None
+    robot = level.robot
     choice = choose_filter(level, conditioner, identification)
     stated_bags = choice.bags
+    gravity = GravityDirection.stated_by(robot)
     if options.tilt:
         gravity = find_gravity(robot, stated_bags, cad)
         robot = robot.with_gravity(gravity.used)
     regressor = Regressor(robot)
-    if gravity is not None and gravity.tilt > 0.0:
+    if gravity.tilt > 0.0:
         choice = choose_filter(regressor, conditioner, identification)
-    if not options.conditioning.exact_stamps:
-        late = choice.has_late_velocities
-        in_time = choice.excerpts(regressor, identification, in_time=True) if late else None
-        delay = find_effort_delay(choice.excerpts(regressor, identification), cad, in_time)
-        choice = choice.with_effort_delay(regressor, identification, delay)
+    late = choice.has_late_velocities
+    in_time = choice.excerpts(regressor, identification, in_time=True) if late else None
+    delay = find_effort_delay(choice.excerpts(regressor, identification), cad, in_time)
+    choice = choice.with_effort_delay(regressor, identification, delay)
     choice = replace(choice, bags=weighted_bags(choice.bags, cad))
-    if gravity is None or gravity.tilt == 0.0:
+    if gravity.tilt == 0.0:
         stated_bags = choice.bags
     return _PreparedBags(robot, choice, stated_bags, gravity, delay)
 

@@ -15,13 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
-from aerarm_ros.identification.assessment import BagAssessment
-from aerarm_ros.identification.identification_result import Solution
-from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
-from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD
-from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.identification_result import BagAssessment, Solution
+from aerarm_ros.identification.joint_model import COUPLED, ArmParameters, JointTerm, TermKind
+from aerarm_ros.identification.model_fit import LINK_SPREAD, ModelFit
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import MASS_FACTOR, Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
@@ -293,7 +290,7 @@ _OTHER_UNIT = 5.0  # largest plausible ratio of measured and modelled torque
 _AT_BOUND = 0.01  # relative distance from its bound, below which a mass counts as at the bound
 _CLEARLY_NEGATIVE = 3.0  # standard deviations
 
-# [%] residual relative to the joint's torque, above which the model explains little
+# [%] torque error of a joint above which a warning appears
 _FAR_OFF = 20.0
 _FOLLOWS = 0.5  # fraction of a joint's residual that the motion of another joint must explain
 
@@ -339,23 +336,27 @@ def error_warnings(
 
 
 def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
-    """Return warnings about joints whose torque the model barely explains."""
-    warnings = []
-    errors, predicted = (
+    """Return warnings about joints with a large torque error."""
+    fitted, predicted = (
         _joint_errors(part, len(joints))
         for part in (recommended.identification, recommended.validation)
     )
-    if far_off := _shares(joints, errors, errors > _FAR_OFF):
-        warnings.append(
-            f'the model explains little of the torque of some joints (residual {far_off}): do not '
-            'rely on the friction of these joints and on parameters that only these joints '
-            'identify'
-        )
-    if far_off := _shares(joints, predicted, (predicted > _FAR_OFF) & (errors <= _FAR_OFF)):
-        warnings.append(
-            'the model predicts little of the torque of some joints in validation (residual '
-            f'{far_off}): compare the ranges of both motions in the report'
-        )
+    poor = fitted > _FAR_OFF
+    warnings = []
+    for errors, shown, where, advice in (
+        (
+            fitted,
+            poor,
+            '',
+            'do not rely on their friction and on parameters that only they identify',
+        ),
+        (predicted, (predicted > _FAR_OFF) & ~poor, ' in validation', 'compare both motions'),
+    ):
+        named = zip(joints, errors, shown, strict=True)
+        texts = ', '.join(f'{name} {error:.0f} %' for name, error, is_shown in named if is_shown)
+        if texts:
+            limit = f'exceeds {_FAR_OFF:.0f} %{where}'
+            warnings.append(f'the torque error of some joints {limit} ({texts}): {advice}')
     return warnings
 
 
@@ -386,11 +387,6 @@ def coupling_warnings(
 def _joint_errors(bags: list[BagAssessment], n: int) -> Array:
     """Return the largest torque error of each joint over all bags [%]; 0 without bags."""
     return np.asarray(np.fmax.reduce([np.zeros(n), *(bag.per_joint_filtered for bag in bags)]))
-
-
-def _shares(joints: tuple[str, ...], errors: Array, reported: npt.NDArray[np.bool_]) -> str:
-    named = zip(joints, errors, reported, strict=True)
-    return ', '.join(f'{name} {error:.0f} %' for name, error, is_reported in named if is_reported)
 
 
 def _followed(

@@ -10,21 +10,19 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.filter_choice import choose_filter, condition_once
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.joint_model import JointModel
-from aerarm_ros.identification.model_choice.filter_choice import choose_filter, condition_once
-from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.regression.base_parameters import Noise, Prior, noise_from_residuals
-from aerarm_ros.identification.regression.model_fit import (
+from aerarm_ros.identification.model_fit import (
+    Noise,
+    Prior,
     RegressionBank,
+    noise_from_residuals,
     posterior_covariance,
     solve_regularised,
 )
-from aerarm_ros.identification.regression.regression import (
-    SampleColumns,
-    TriangularSystem,
-    triangular_factor,
-)
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.regression import SampleColumns, TriangularSystem, triangular_factor
 from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
 from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
 from aerarm_ros.model.inertia import barycentric_inertia, from_pseudo_inertia

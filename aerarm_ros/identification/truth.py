@@ -9,14 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.config_reader import read_plain
-from aerarm_ros.identification.assessment import torque_errors
 from aerarm_ros.identification.errors import IdentificationError, readable
+from aerarm_ros.identification.identification_result import torque_errors
 from aerarm_ros.identification.joint_model import JointModel, TermKind
-from aerarm_ros.identification.regression.base_parameters import BaseParameters
-from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regression import ReducedRegression, SampleColumns
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.motion.signals import Array
 
 
@@ -54,40 +51,6 @@ class Truth:
         known = [name in self.parameters for name in model.columns]
         named: npt.NDArray[np.bool_] = np.array(known) | ([False] * (10 * model.n) + loads)
         return named
-
-    def base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
-        """Return the (r,) true base parameters, NaN where a relevant true value is unknown."""
-        return self._where_named(base.values(self.vector(fit.model)), fit, base)
-
-    def measured_base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
-        """Return the (r,) base parameters that a fit to noise-free measured torque would yield.
-
-        The ratio of measured to true torque differs between joints, and a base parameter may
-        affect several joints. The torque error of each joint is therefore projected onto the
-        model, weighted as in the fit.
-
-        Parameters
-        ----------
-        fit : ModelFit
-            Fit with motion and weights of the joints.
-        base : BaseParameters
-            Base parameters of the fit's columns.
-        """
-        theta = self.vector(fit.model)
-        factors = [
-            np.column_stack([factor[:, :-1], gain * (factor[:, :-1] @ theta)])
-            for factor, gain in zip(
-                fit.regression.factors, self.measured_per_true_torque, strict=True
-            )
-        ]
-        shown = ReducedRegression(fit.regression.columns, factors, fit.regression.rows)
-        found = solve_least_squares(shown, theta, fit.noise.weights)
-        return self._where_named(base.values(found), fit, base)
-
-    def _where_named(self, values: Array, fit: ModelFit, base: BaseParameters) -> Array:
-        named = self.names(fit.model)
-        complete = ((base.combination == 0.0) | named[base.dependent]).all(axis=1)
-        return np.where(named[base.independent] & complete, values, np.nan)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,8 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
-
-import numpy as np
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
@@ -31,7 +28,6 @@ from aerarm_ros.experiment.experiment_bench import (
 )
 from aerarm_ros.ros.process.process_end import INTERRUPTED, StopSignals, print_error
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
-from aerarm_ros.ros.programs.identifier_options import optional_path
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 NAME = 'experiment'
@@ -43,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parse(arguments)
     try:
         config, robot = load_arm_config(), load_robot()
-        truth, origin = _truth(config, robot, options)
+        truth = PlantParameters.nominal(config, robot).perturbed(options.arm_seed)
         motion = _motion(config, robot, options)
         cases = _cases(options.only)
         options.out.mkdir(parents=True, exist_ok=True)  # an error here precedes the long runs
@@ -52,8 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     bench, report = ExperimentBench(config, robot, truth, motion), ExperimentReport(robot)
     print(
-        f'{len(cases)} simulations of {motion.duration:.0f} s each; parameters of the simulated '
-        f'arm: {origin}',
+        f'{len(cases)} simulations of {motion.duration:.0f} s each; random parameters of the '
+        f'simulated arm, with seed {options.arm_seed}',
         flush=True,
     )
     try:
@@ -72,8 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     path = options.out / 'controllers.html'
     note = (
         f'The motion is a random trajectory with five harmonics of {FUNDAMENTAL} Hz (seed '
-        f'{options.seed}). Parameters of the simulated arm: {origin}. "True" means that the '
-        'controller uses the parameters of the simulated arm. RMS and max are errors during the '
+        f'{options.seed}). The simulated arm has random parameters (seed {options.arm_seed}). '
+        '"True" means that the controller uses these parameters. RMS and max are errors during the '
         'periodic motion. "Final" is the error one second after the motion; dry friction leaves an '
         'offset unless the controller has integral action.'
     )
@@ -116,33 +112,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--only', default='', metavar='TEXT', help='run only cases whose name contains TEXT'
     )
-    plant = parser.add_mutually_exclusive_group()
-    plant.add_argument('--arm-seed', type=int, default=7,
+    parser.add_argument('--arm-seed', type=int, default=7,
         help="seed of the simulated arm's random parameters (default: %(default)s)")  # fmt: skip
-    plant.add_argument(
-        '--identified',
-        type=optional_path,
-        help='URDF of an identified model, whose parameters the simulated arm uses',
-    )
     return parser.parse_args(arguments)
-
-
-def _truth(
-    config: ArmConfig, robot: Robot, options: argparse.Namespace
-) -> tuple[PlantParameters, str]:
-    """Return the parameters of the simulated arm, and a text that names their source."""
-    nominal = PlantParameters.nominal(config, robot)
-    if options.identified is None:
-        return nominal.perturbed(options.arm_seed), f'random, with seed {options.arm_seed}'
-    identified = load_robot(options.identified, joint_names=config.joint_names)
-    truth = replace(
-        nominal,
-        inertial_parameters=np.array(identified.inertial_parameters),
-        viscous=np.array(identified.viscous),
-        coulomb=np.array(identified.coulomb),
-        load_friction=np.array(identified.load_friction),
-    )
-    return truth, f'identified model {options.identified.name}'
 
 
 def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> RampedExcitation:

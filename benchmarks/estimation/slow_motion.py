@@ -14,14 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 from payload_hours import CYCLE
-from touching.touched_arm import Sensors, TouchedPlant, identified, made
+from touching.touched_arm import Sensors, TouchedPlant, controller, identified, made
 
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.checks import JointLimits
-from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
-from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.laws.computed_torque import ComputedTorque
-from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.motion.signals import JointReference
 from aerarm_ros.online.joint_friction import JointFriction
 from aerarm_ros.online.replay import KnownArm
@@ -30,7 +26,6 @@ from aerarm_ros.simulation.arm_plant import PlantParameters
 SPEED = 0.02  # [rad/s]
 RISE, CREEP, HOLD = 0.2, 10.0, 3.0  # [s]
 START = np.array([0.3, 0.9, -0.4, 0.6])
-KP, KD = 400.0, 40.0
 RESTING = 0.1  # of the speed, below which a joint sticks
 NONE, DRY, ALL = 'none', 'viscous, dry and load-dependent', 'all identified terms'
 
@@ -73,18 +68,14 @@ class Result(NamedTuple):
 def run(truth: PlantParameters, known: KnownArm, compensation: str, observed: float) -> Result:
     """Move slowly with one kind of friction compensation, and return the errors."""
     arm, _ = made(4, 0)
-    limits = JointLimits.from_config(load_arm_config())
-    dynamics = MovingBaseDynamics(known.robot, known.rotor_inertia)
     viscous, coulomb, share = known.friction
     friction: FrictionCompensation | None = None
     if compensation == DRY:
         friction = FrictionCompensation(viscous, coulomb, 0.002, load_share=share)
     elif compensation == ALL:
         friction = JointFriction(known, 0.002)
-    law = ComputedTorque(dynamics, KP, KD, None, friction, 1.5 * CYCLE, 1.59e-3)
-    observer = MomentumObserver(dynamics, np.full(4, 30.0), friction)
     source = Creep()
-    loop = ControlLoop(limits, source, law, observer, None, observed * limits.effort_max)
+    loop, _ = controller(known, source, friction, observed)
     plant = TouchedPlant(arm.robot, truth, START)
     sensors = Sensors(arm, START, np.random.default_rng(0))
     state, now, rows = sensors.measure(START, np.zeros(4)), 0.0, []
@@ -92,7 +83,7 @@ def run(truth: PlantParameters, known: KnownArm, compensation: str, observed: fl
         command = loop.update(state, now)
         effort = np.zeros(4) if command is None or command.tau is None else command.tau
         if command is None:  # control begins with the second state
-            effort = dynamics.gravity(START)
+            effort = MovingBaseDynamics(known.robot).gravity(START)
         plant.apply_effort(effort)
         plant.advance(CYCLE)  # Stribeck friction follows the velocity in every sub-step
         now += CYCLE

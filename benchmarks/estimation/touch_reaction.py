@@ -14,14 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 from payload_hours import CYCLE, Arm
-from touching.touched_arm import Learnt, Sensors, TouchedPlant, learn, made
+from touching.touched_arm import Learnt, Sensors, TouchedPlant, controller, learn, made
 
-from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import JointLimits
-from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.contact_reaction import ContactReaction
-from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
@@ -37,7 +34,6 @@ DAMPING_RATIO = 0.05  # of a wall and a tool of 0.5 kg
 SPEEDS = (0.1, 0.25, 0.5)  # [m/s]
 START, END = np.array([-0.6, 0.9, -0.3, 0.6]), np.array([0.6, 1.3, 0.3, 0.9])
 TRANSIENT, WATCHED = 0.5, 1.5  # [s] after the touch
-KP, KD = 400.0, 40.0
 
 Array = np.ndarray
 
@@ -78,14 +74,9 @@ class Controlled:
     def __init__(self, arm: Arm, truth: PlantParameters, learnt: Learnt) -> None:
         self.limits = JointLimits.from_config(load_arm_config())
         self.follower = TrajectoryFollower(self.limits, FollowerTolerances.uniform(4))
-        model = learnt.model
-        dynamics = MovingBaseDynamics(model.robot, model.rotor_inertia)
-        viscous, coulomb, share = model.friction
+        viscous, coulomb, share = learnt.model.friction
         friction = FrictionCompensation(viscous, coulomb, load_share=share)
-        law = ComputedTorque(dynamics, KP, KD, None, friction, 1.5 * CYCLE, 1.59e-3)
-        observer = MomentumObserver(dynamics, np.full(4, 30.0), friction)
-        compensated = 0.2 * self.limits.effort_max
-        self.loop = ControlLoop(self.limits, self.follower, law, observer, None, compensated)
+        self.loop, law = controller(learnt.model, self.follower, friction, 0.2)
         self.reacts = ContactReaction(self.follower, self.loop, law)
         self.plant = WalledPlant(arm.robot, truth, START)
         self._sensors = Sensors(arm, START, np.random.default_rng(0))

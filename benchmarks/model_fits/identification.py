@@ -6,12 +6,11 @@ Memory: the same process for recordings of 5 minutes and, with --long, 30 minute
 Truth: an arm that deviates from its model is identified from one motion and compared on another; a
 payload of 0.2 kg is identified as well.
 Accuracy: the first 60 % of each measured bag are used for identification, the last 40 % are held
-out. The measured bags are in the folder given by the variable AERARM_DATASETS. Then all solvers and
-other tools are run on the same bags (identification_peers.py), unless --no-peers is given.
+out (identification_peers.py). The measured bags are in the folder given by the variable
+AERARM_DATASETS. Other tools are run on the same bags, unless --no-peers is given.
 """
 
 import argparse
-import json
 import os
 import resource
 import statistics
@@ -20,7 +19,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from importlib.metadata import files
 from pathlib import Path
 
 from aerarm_ros.realtime.scheduling import use_one_thread
@@ -58,24 +56,6 @@ TOPICS = {
     '/motor_power': 'std_msgs/msg/Float64MultiArray',
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     '/arm_mode': 'std_msgs/msg/String',
-}
-# Filtered torque error on the last 40 % [%], as achieved by other tools on the same bags.
-MEASURED = {
-    'UR10': (
-        'ur10_excitation',
-        'ur10_robot.urdf',
-        (),
-        'published model 8.57, FIGAROH 9.13; goal 5.0',
-    ),
-    'Panda': (
-        'panda_excitation',
-        'panda.urdf',
-        (
-            *('--lock', 'panda_finger_joint1', 'panda_finger_joint2', '--rename'),
-            *(f'fer_joint{i}=panda_joint{i}' for i in range(1, 8)),
-        ),
-        'published model 3.60 on the whole bag; goal 2.0',
-    ),
 }
 
 
@@ -215,35 +195,6 @@ def truth(folder: Path) -> None:
     print(f'{f"payload of {PAYLOAD} kg":28s} {weighed}   goal 2 %')
 
 
-def accuracy(folder: Path) -> None:
-    urdfs = {
-        file.name: file for file in files('example-robot-data') or () if file.suffix == '.urdf'
-    }
-    print('\nHeld-out torque error [%]      filtered    raw   cut-off  consistent')
-    for name, (bag, urdf, options, others) in MEASURED.items():
-        if DATASETS is None or not Path(DATASETS, bag).is_dir():
-            print(f'{name} was skipped: set AERARM_DATASETS to the folder with {bag}')
-            continue
-        for cutoff in (None, 5.0, 10.0):
-            out = folder / f'{name}_{cutoff}'
-            fixed = () if cutoff is None else ('--cutoff', cutoff)
-            path = urdfs[urdf].locate()
-            process(
-                *('--bag', Path(DATASETS, bag), '--holdout', 0.4, '--urdf', path, '--out', out),
-                *(*options, *fixed),
-            )
-            summary = json.loads((out / 'summary.json').read_text())
-            chosen = summary['conditioning']['cutoff']
-            sdp = summary['solvers']['sdp']
-            (error,) = sdp['validation']
-            how = 'chosen' if cutoff is None else 'given'
-            print(
-                f'{name:28s} {error["filtered"]:8.2f} {error["raw"]:8.2f} {chosen:6.2f} Hz '
-                f'{how}, {"yes" if sdp["physically_consistent"] else "no"}'
-            )
-        print(f'{"":28s} {others}')
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
@@ -255,12 +206,10 @@ def main() -> None:
         speed(Path(folder))
         memory(Path(folder), (5, 30) if options.long else (5,))
         truth(Path(folder))
-        accuracy(Path(folder))
-    if not options.no_peers:
-        # Local import, because the module uses this file's bags.
-        from identification_peers import main as peers
+    # Local import, because the module uses this file's bags.
+    from identification_peers import PEERS, compare_all
 
-        peers()
+    compare_all(() if options.no_peers else PEERS)
 
 
 if __name__ == '__main__':

@@ -10,6 +10,7 @@ import argparse
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from importlib.metadata import files
 from pathlib import Path
 from xml.etree import ElementTree
@@ -24,7 +25,7 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.identification.solvers.solvers import SOLVERS
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags
 from aerarm_ros.simulation.arm_plant import PlantParameters
@@ -78,6 +79,7 @@ def compare(
     robot: Robot,
     config: ArmConfig | None,
     mapping: JointMapping,
+    peers: Sequence[Peer],
     solvers: tuple[str, ...] = ('wls', 'entropic'),
 ) -> None:
     """Print a table of this package's solvers and the other tools on one bag."""
@@ -95,7 +97,7 @@ def compare(
         samples, urdf = Path(folder) / 'samples.npz', Path(folder) / 'arm.urdf'
         write_samples(samples, result)
         urdf.write_text(bare_urdf(robot, mapping.locked))
-        for peer in PEERS:
+        for peer in peers:
             found = peer.run(samples, urdf)
             if 'skipped' in found:
                 print(f'{peer.name:24s} left out: {found["skipped"]}')
@@ -115,27 +117,28 @@ def measured_robot(file: str, locked: tuple[str, ...] = ()) -> Robot:
     return load_robot(Path(str(found.locate())), locked=list(locked))
 
 
-def main() -> int:
+def compare_all(peers: Sequence[Peer] = PEERS) -> int:
+    """Compare solvers and other tools on a simulated and on the measured bags."""
     # Module in this folder that writes the simulated bag.
     from identification import DATASETS, write_bag
 
     with tempfile.TemporaryDirectory() as folder:
         bag, robot, config = Path(folder) / 'bag', load_robot(), load_arm_config()
         write_bag(bag, robot, PlantParameters.nominal(config, robot), 20.0)
-        compare('Simulated arm, 20 s', bag, robot, config, JointMapping({}), tuple(SOLVERS))
+        compare('Simulated arm, 20 s', bag, robot, config, JointMapping({}), peers, tuple(SOLVERS))
     if DATASETS is None:
         print('UR10 and Panda were skipped: set AERARM_DATASETS')
         return 0
     ur10 = measured_robot('ur10_robot.urdf')
-    compare('UR10', Path(DATASETS, 'ur10_excitation'), ur10, None, JointMapping({}))
+    compare('UR10', Path(DATASETS, 'ur10_excitation'), ur10, None, JointMapping({}), peers)
     fingers = ('panda_finger_joint1', 'panda_finger_joint2')
     names = {f'fer_joint{i}': f'panda_joint{i}' for i in range(1, 8)}
     panda = measured_robot('panda.urdf', fingers)
     mapping = JointMapping(names, locked=fingers)
-    compare('Panda', Path(DATASETS, 'panda_excitation'), panda, None, mapping)
+    compare('Panda', Path(DATASETS, 'panda_excitation'), panda, None, mapping, peers)
     return 0
 
 
 if __name__ == '__main__':
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
-    sys.exit(main())
+    sys.exit(compare_all())

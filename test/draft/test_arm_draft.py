@@ -25,7 +25,7 @@ from aerarm_ros.simulation.arm_plant import PlantParameters
 
 EXAMPLES = ('three_joints', 'ur5')
 # What is chosen by the data is tested elsewhere, and takes its time.
-CONDITIONING = ConditioningOptions(cutoff=20.0, filter='butterworth', exact_stamps=True)
+CONDITIONING = ConditioningOptions(cutoff=20.0)
 FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
 
 

@@ -22,46 +22,30 @@ def measure(
     joint: int,
     posture: Sequence[float],
     plan: BenchPlan,
+    swings_only: bool = False,
 ) -> tuple[list[MotorRun], MotorSupply]:
     """Return the runs of one joint and its motor's data, measured through the boards' frames."""
     arm = EmulatedArm(config, robot, truth, np.array(posture))
     motion = BenchMotion(plan, MotionLimits.of_arm(config), arm.posture, np.array(posture), [joint])
+    sequence, measurements, begin = motion.sequence, motion.measurements, 0.0
+    if swings_only:  # of a plan that also has steps
+        measurements = [measurement for measurement in measurements if measurement.swings]
+        (index,) = (i for i, stage in enumerate(sequence.stages) if 'swings' in stage.name)
+        swings, begin = sequence.stages[index], sequence.boundaries[index]
+        way = transfer(arm.posture, swings.motion.evaluate(0.0).q, 0.5)
+        sequence, begin = MotionSequence([Stage('transfer', way), swings]), begin - way.duration
     fields = ('q', 'dq', 'tau', 'current', 'speed', 'power')
-    end = motion.measurements[-1].end
+    end = measurements[-1].end
     rows = [
         (1e-9 * state.stamp_ns, state.path_time, *(getattr(state, f)[joint] for f in fields))
-        for state in takewhile(lambda state: state.path_time <= end, arm.play(motion.sequence))
+        for state in takewhile(lambda state: begin + state.path_time <= end, arm.play(sequence))
     ]
     time, path_time, q, dq, tau, *motor = np.array(rows).T
+    path_time += begin
     runs = [
         MotorRun(
             measurement.speed, path_time[part], q[part], dq[part], tau[part], measurement.swings
         )
-        for measurement, part in split(motion.measurements, path_time)
+        for measurement, part in split(measurements, path_time)
     ]
     return runs, MotorSupply(time, *motor)
-
-
-def swing(
-    config: ArmConfig,
-    robot: Robot,
-    truth: PlantParameters,
-    joint: int,
-    posture: Sequence[float],
-    plan: BenchPlan,
-) -> MotorRun:
-    """Return the swings of one joint alone, from a plan that also has steps."""
-    arm = EmulatedArm(config, robot, truth, np.array(posture))
-    motion = BenchMotion(plan, MotionLimits.of_arm(config), arm.posture, np.array(posture), [joint])
-    (index,) = [i for i, stage in enumerate(motion.sequence.stages) if 'swings' in stage.name]
-    stage, begin = motion.sequence.stages[index], motion.sequence.boundaries[index]
-    (measurement,) = [measurement for measurement in motion.measurements if measurement.swings]
-    way = transfer(arm.posture, stage.motion.evaluate(0.0).q, 0.5)
-    rows = [
-        (state.path_time, state.q[joint], state.dq[joint], state.tau[joint])
-        for state in arm.play(MotionSequence([Stage('transfer', way), stage]))
-    ]
-    time, *values = np.array(rows).T
-    time = time - way.duration + begin
-    part = (time >= measurement.start) & (time < measurement.end)
-    return MotorRun(None, time[part], *(value[part] for value in values), swings=True)

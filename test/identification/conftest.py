@@ -4,21 +4,25 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from identified import identified
 from other_bodies import other_bodies
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
+from aerarm_ros.identification.conditioning.conditioning import Conditioner
+from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
+from aerarm_ros.identification.joint_model import ArmParameters
 from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,
     recording_from_states,
 )
 from aerarm_ros.identification.recording.table_file import TableStates
+from aerarm_ros.identification.regression import SampleColumns
+from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.model.regressor import Regressor
 
 
 @dataclass
@@ -57,9 +61,8 @@ class SimulatedArm:
         return t, q, first * speed[:, None], second * speed[:, None] ** 2 + first * gain[:, None]
 
     def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        model = self.robot.with_inertial_parameters(self.inertial).model
-        data = model.createData()
-        links = np.array([pin.rnea(model, data, *x) for x in zip(q, dq, ddq, strict=True)])
+        dynamics = Dynamics(self.robot.with_inertial_parameters(self.inertial))
+        links = np.array([dynamics.inverse(*x) for x in zip(q, dq, ddq, strict=True)])
         dry = self.coulomb + self.load * np.abs(links)
         return links + self.rotor * ddq + self.viscous * dq + dry * np.sign(dq)
 
@@ -126,16 +129,24 @@ def arm(make_arm: Callable[..., SimulatedArm]) -> SimulatedArm:
 
 
 @pytest.fixture(scope='session')
-def result(arm: SimulatedArm, robot: Robot, config: ArmConfig) -> IdentificationResult:
+def result(arm: SimulatedArm) -> IdentificationResult:
     """An identification from noisy data, validated on another motion."""
-    return identify(
-        robot,
-        config,
-        [arm.recording(1, noise=1.0)],
-        [arm.recording(2, noise=1.0)],
-        IdentificationOptions(friction='coulomb'),
-        Stopwatch(),
-    )
+    return identified(arm.recording(1, noise=1.0), arm.recording(2, noise=1.0))
+
+
+@pytest.fixture(scope='session')
+def columns_of(robot: Robot) -> Callable[..., SampleColumns]:
+    """Return a function that records an arm, and returns the columns of its regressor."""
+
+    def make(
+        arm: SimulatedArm, periods: int = 2, noise: float = 0.0, **options: float
+    ) -> SampleColumns:
+        recording = arm.recording(1, noise, periods=periods)
+        conditioner = Conditioner([recording], ConditioningOptions(**options))
+        samples = conditioner.condition(recording, conditioner.candidates()[0])
+        return SampleColumns(samples, Regressor(robot))
+
+    return make
 
 
 @pytest.fixture(scope='session')

@@ -15,11 +15,6 @@ def motion(robot: Robot, rng: np.random.Generator, samples: int = 60) -> np.ndar
     return rng.uniform(-2.0, 2.0, (3, samples, robot.n))
 
 
-def numerical_rank(matrix: np.ndarray) -> int:
-    singular = np.linalg.svd(matrix, compute_uv=False)
-    return int(np.sum(singular > 1e-9 * singular[0]))
-
-
 @pytest.mark.parametrize('rotor_inertia', [False, True])
 def test_regressor_times_parameters_is_the_torque(
     robot: Robot, rng: np.random.Generator, rotor_inertia: bool
@@ -35,26 +30,6 @@ def test_regressor_times_parameters_is_the_torque(
     rigid = [dynamics.inverse(*sample) for sample in zip(q, dq, ddq, strict=True)]
     tau = np.array(rigid) + viscous_coulomb(dq, fv, fs)
     assert np.allclose(regressor.stack(q, dq, ddq) @ theta, tau.reshape(-1), atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ('gravity', 'rotor_inertia', 'rank'),
-    [
-        ((0.0, 0.0, -9.81), False, 30),  # the thesis's 48 columns, section 5.3
-        ((0.0, 0.0, -9.81), True, 32),  # the rotors of joints 3 and 4 stand out from the links
-        ((2.0, 1.0, -9.5), False, 32),  # tilted gravity reveals link 1's first moments
-        ((2.0, 1.0, -9.5), True, 34),
-    ],
-)
-def test_rank_on_this_arm(
-    arm: Robot,
-    rng: np.random.Generator,
-    gravity: tuple[float, float, float],
-    rotor_inertia: bool,
-    rank: int,
-) -> None:
-    regressor = Regressor(arm.with_gravity(gravity), rotor_inertia)
-    assert numerical_rank(regressor.stack(*motion(arm, rng, 200))) == rank
 
 
 def test_wrong_shapes_are_refused(arm: Robot) -> None:

@@ -2,15 +2,17 @@
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 from forked_executable import run
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from aerarm_ros.description.robot import Robot
+from aerarm_ros.excitation.trajectory import FourierTrajectory
+from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
 
 RATE = 200.0
@@ -53,29 +55,33 @@ def write_bag(
     return path
 
 
-def motion(seed: int) -> tuple[np.ndarray, ...]:
+def motion(
+    seed: int,
+    centre: Sequence[float] = (0.0, np.pi / 2, 0.0, 0.0),
+    size: float = 0.35,
+    rate: float = RATE,
+) -> tuple[np.ndarray, ...]:
     """Return stamps, and q, dq, ddq over two periods of 10 s."""
     random = np.random.default_rng(seed)
-    alpha, beta = random.uniform(-0.35, 0.35, (2, 4, 5))
-    t = np.arange(0.0, 20.0, 1.0 / RATE)
-    omega = 0.2 * np.pi * np.arange(1, 6)
-    s, c = np.sin(np.outer(t, omega)), np.cos(np.outer(t, omega))
-    q = np.array([0.0, np.pi / 2, 0.0, 0.0]) + s @ alpha.T + c @ beta.T
-    dq = (c * omega) @ alpha.T - (s * omega) @ beta.T
-    ddq = -(s * omega**2) @ alpha.T - (c * omega**2) @ beta.T
-    return 1.7e9 + t, q, dq, ddq
+    alpha, beta = random.uniform(-size, size, (2, len(centre), 5))
+    t = np.arange(0.0, 20.0, 1.0 / rate)
+    return 1.7e9 + t, *FourierTrajectory(0.1, np.array(centre), alpha, beta).evaluate(t)
+
+
+def heavier(robot: Robot) -> Robot:
+    """Return an arm whose links are denser than in its URDF, and shifted."""
+    shift = np.eye(4)
+    shift[:3, 3] = 0.008
+    matter = 1.2 * shift @ pseudo_inertia(robot.inertial_parameters) @ shift.T
+    return robot.with_inertial_parameters(from_pseudo_inertia(matter))
 
 
 def measured(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
     """Return torques of an arm that is heavier than its URDF and has rotors and friction."""
-    shift = np.eye(4)
-    shift[:3, 3] = 0.008
-    heavier = from_pseudo_inertia(1.2 * shift @ pseudo_inertia(robot.inertial_parameters) @ shift.T)
-    model = robot.with_inertial_parameters(heavier).model
-    data = model.createData()
-    links = np.array([pin.rnea(model, data, *x) for x in zip(q, dq, ddq, strict=True)])
+    dynamics = Dynamics(heavier(robot), 0.015)
+    links = np.array([dynamics.inverse(*x) for x in zip(q, dq, ddq, strict=True)])
     noise = 0.03 * np.random.default_rng(0).standard_normal(q.shape)
-    return links + 0.015 * ddq + 0.01 * dq + 0.2 * np.sign(dq) + noise
+    return links + 0.01 * dq + 0.2 * np.sign(dq) + noise
 
 
 def identifier(*arguments: object) -> subprocess.CompletedProcess[str]:

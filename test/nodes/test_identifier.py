@@ -10,6 +10,7 @@ import yaml
 from identifier_process import fresh_identifier, identifier, measured, motion, write_bag
 
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.model.inertia import PARAMETER_NAMES
 
 FILES = ['estimate.yaml', 'identified.sdf', 'identified.urdf', 'identified.xml', 'report.html']
 FILES += ['summary.json']
@@ -55,30 +56,13 @@ def test_same_bags_same_bits(bags: Path, run: tuple[str, Path], tmp_path: Path) 
 
 
 def test_truth_holdout_and_options(bags: Path, tmp_path: Path, robot: Robot) -> None:
-    names = [f'{p}_{link}' for link in robot.link_names for p in ('m', 'mcx', 'mcy', 'mcz')]
-    names += [
-        f'{p}_{link}'
-        for link in robot.link_names
-        for p in ('Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
-    ]
+    names = [f'{p}_{link}' for link in robot.link_names for p in PARAMETER_NAMES]
     truth = tmp_path / 'truth.yaml'
     truth.write_text(yaml.safe_dump({'parameters': dict.fromkeys(names, 0.01)}))
     done = identifier(
         *('--bag', bags / 'identification', '--holdout', 0.4, '--friction', 'coulomb'),
-        *(
-            '--solvers',
-            'entropic',
-            '--truth',
-            truth,
-            '--cutoff',
-            4,
-            '--out',
-            tmp_path / 'out',
-            '--gravity',
-            0,
-            0,
-            -9.81,
-        ),
+        *('--solvers', 'entropic', '--truth', truth, '--cutoff', 4, '--out', tmp_path / 'out'),
+        *('--gravity', 0, 0, -9.81),
     )
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
@@ -104,31 +88,13 @@ def test_renamed_and_amperes(bags: Path, tmp_path: Path, robot: Robot) -> None:
     assert summary['solvers']['sdp']['identification'][0]['filtered'] < 2.0
     done = identifier(
         *('--bag', bags / 'identification', '--effort-gain', 'joint2=-1', '--fundamental', 0.13),
-        *('--friction', 'coulomb', '--filter', 'butterworth', '--out', tmp_path / 'out'),
+        *('--friction', 'coulomb', '--out', tmp_path / 'out'),
     )
     assert done.returncode == 0, done.stderr
     assert 'the effort of joint2 has the opposite sign' in done.stderr
     assert 'repeats every 10 s' in done.stderr
     assert f'{tmp_path / "out"}: the new result replaced an earlier result' in done.stderr
     assert 'RuntimeWarning' not in done.stderr
-
-
-def test_a_truncated_bag_without_metadata_is_used_with_a_warning(
-    bags: Path, tmp_path: Path
-) -> None:
-    bag = Path(shutil.copytree(bags / 'identification', tmp_path / 'bag'))
-    (bag / 'metadata.yaml').unlink()
-    (file,) = bag.glob('*.mcap')
-    file.write_bytes(file.read_bytes()[: int(0.8 * file.stat().st_size)])
-    out = tmp_path / 'out'
-    done = identifier('--bag', bag, '--out', out)
-    assert done.returncode == 0, done.stderr
-    warnings = json.loads((out / 'summary.json').read_text())['warnings']
-    assert any('is cut off' in text for text in warnings)
-    for text in (done.stderr, (out / 'report.html').read_text()):
-        assert 'the recording may be incomplete' in text
-    summary = json.loads((out / 'summary.json').read_text())
-    assert summary['bags']['bag']['used'].endswith('(joint_command)')
 
 
 def test_names_from_outside_are_escaped(tmp_path: Path, robot: Robot, bags: Path) -> None:

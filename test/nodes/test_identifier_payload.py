@@ -23,35 +23,28 @@ from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.model.inertia import is_physically_consistent
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
-
-def record_excitation(path: Path, truth: PlantParameters, seed: int) -> None:
-    """Play a random trajectory on an arm with the parameters `truth`; record joint_states."""
-    config = load_arm_config()
-    robot = load_robot(joint_names=config.joint_names)
-    setup = ExcitationSetup.of_arm(robot, config, load_excitation_config())
-    trajectory, _ = setup.random_trajectory(0.35, 0.1, 5).draw_feasible(
-        seed, setup.checker, setup.config.ramp_time
-    )
-    arm = EmulatedArm(config, robot, truth, np.array(config.rest_position), seed)
-    motion = setup.planner.plan(trajectory, 1, arm.posture, go_back=False)
-    codec = JointStateCdr(config.joint_names)
-    topic = RecordedTopic('/joint_states', 'sensor_msgs/msg/JointState')
-    with BagWriter(path, [topic]) as writer:
-        for number, state in enumerate(arm.play(motion), 1):
-            payload = bytes(codec.pack(state.stamp_ns, state.q, state.dq, state.tau))
-            writer.write(RecordedMessage(0, payload, state.stamp_ns, state.stamp_ns, number))
-
-
 MASS, CENTRE = 0.2, (0.1, 0.01, -0.02)
 
 
 def record_both(folder: Path) -> None:
-    """Record a bag of the arm alone, and one of the arm with the payload."""
+    """Record random trajectories of the arm alone, and of the arm with the payload."""
     config = load_arm_config()
     robot = load_robot(joint_names=config.joint_names)
-    truth = PlantParameters.nominal(config, robot).perturbed(3)
-    record_excitation(folder / 'without', truth, seed=1)
-    record_excitation(folder / 'with', truth.carrying(MASS, CENTRE, 0.03), seed=2)
+    setup = ExcitationSetup.of_arm(robot, config, load_excitation_config())
+    codec = JointStateCdr(config.joint_names)
+    topic = RecordedTopic('/joint_states', 'sensor_msgs/msg/JointState')
+    alone = PlantParameters.nominal(config, robot).perturbed(3)
+    arms = (('without', alone), ('with', alone.carrying(MASS, CENTRE, 0.03)))
+    for seed, (name, truth) in enumerate(arms, 1):
+        trajectory, _ = setup.random_trajectory(0.35, 0.1, 5).draw_feasible(
+            seed, setup.checker, setup.config.ramp_time
+        )
+        arm = EmulatedArm(config, robot, truth, np.array(config.rest_position), seed)
+        motion = setup.planner.plan(trajectory, 1, arm.posture, go_back=False)
+        with BagWriter(folder / name, [topic]) as writer:
+            for number, state in enumerate(arm.play(motion), 1):
+                payload = bytes(codec.pack(state.stamp_ns, state.q, state.dq, state.tau))
+                writer.write(RecordedMessage(0, payload, state.stamp_ns, state.stamp_ns, number))
 
 
 @pytest.fixture(scope='module')
@@ -120,22 +113,18 @@ def test_defects_of_the_payload_bag_are_reported(run: Path, bags: Path, tmp_path
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (['--model', '{run}/estimate.yaml'], 'pass the bags with the payload as --payload'),
-        (
-            ['--model', '{run}/estimate.yaml', '--payload', '{bags}/with', '--bag', '{bags}/with'],
-            'and remove --bag',
-        ),
-        (['--model', '{run}/summary.json', '--payload', '{bags}/with'], 'is not an estimate'),
-        (['--model', 'none.yaml', '--payload', '{bags}/with'], 'none.yaml'),
-        (['--model', '{run}/estimate.yaml', '--payload', '{bags}/without'], 'no payload found'),
-        (['--payload', '{bags}/with'], '--bag'),
+        ('--model {run}/estimate.yaml', 'pass the bags with the payload as --payload'),
+        ('--model {run}/estimate.yaml --payload {bags}/with --bag {bags}/with', 'remove --bag'),
+        ('--model {run}/summary.json --payload {bags}/with', 'is not an estimate'),
+        ('--model none.yaml --payload {bags}/with', 'none.yaml'),
+        ('--model {run}/estimate.yaml --payload {bags}/without', 'no payload found'),
+        ('--payload {bags}/with', '--bag'),
     ],
 )
 def test_faulty_arguments_are_one_line(
-    arguments: list[str], words: str, run: Path, bags: Path, tmp_path: Path
+    arguments: str, words: str, run: Path, bags: Path, tmp_path: Path
 ) -> None:
-    filled = [argument.format(run=run, bags=bags) for argument in arguments]
-    done = identifier(*filled, '--out', tmp_path / 'out')
+    done = identifier(*arguments.format(run=run, bags=bags).split(), '--out', tmp_path / 'out')
     assert done.returncode == 2
     (line,) = done.stderr.strip().splitlines()
     assert words in line

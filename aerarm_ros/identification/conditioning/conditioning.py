@@ -9,15 +9,11 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.conditioning.motion_check import (
     ConditioningOptions,
-    aperiodic_warnings,
-    fundamental_warnings,
-    harmonics_warnings,
-    short_motion_warnings,
-)
-from aerarm_ros.identification.conditioning.periodicity import (
     PeriodicPart,
     count_harmonics,
     find_periodic_part,
+    fundamental_warnings,
+    short_motion_warnings,
 )
 from aerarm_ros.identification.conditioning.spectral_filter import (
     MEMORY_PERIODS,
@@ -302,7 +298,7 @@ class Conditioner:
     band : float
         Frequency [Hz] below which the motion lies.
     delays : SignalDelays
-        Delays of measured velocities (0 with exact stamps) and of efforts (0 before
+        Delays of measured velocities and of efforts (0 before
         `with_effort_delay`). The delay of efforts is always corrected, that of velocities only if
         the kinematics filter is `in_time`.
     warnings : list of str
@@ -327,23 +323,15 @@ class Conditioner:
         self.warnings = [text for motion in motions for text in short_motion_warnings(motion)]
         if options.fundamental is not None:
             for motion in motions:
-                needed = options.filter == 'harmonics'
-                self.warnings += fundamental_warnings(motion, options.fundamental, needed)
+                self.warnings += fundamental_warnings(motion, options.fundamental)
         if all(motion.period for motion in motions):
-            found = max(
+            self.harmonics = max(
                 min(count_harmonics(dq, motion.periods) for dq in (measured, _slope(motion)))
                 for measured, motion in zip(velocities, motions, strict=True)
             )
             self.fundamental = 1.0 / ((motions[0].period or 1) * motions[0].dt)
-            if options.harmonics is not None:
-                rate = min(1.0 / sampling_time(recording) for recording in recordings)
-                self.warnings += harmonics_warnings(
-                    options.harmonics, found, self.fundamental, rate
-                )
-            self.harmonics = options.harmonics or found
             band = self.harmonics * self.fundamental
         else:
-            self.warnings += aperiodic_warnings(motions, options)
             band = max(
                 motion_band(m.q[m.window], None if m.dq is None else m.dq[m.window], m.dt)
                 for m in motions
@@ -360,8 +348,7 @@ class Conditioner:
         if options.cutoff is None:
             self.cutoffs = _tried(self.cutoff, least, 1.0 / (_FEWEST_PER_CUTOFF * dt))
         self._trial_rate = max(_TRIAL_RATE, _RATE_PER_CUTOFF * self.cutoff)
-        if not options.exact_stamps:
-            self.delays = replace(self.delays, velocity=velocity_lag(motions, self.cutoff))
+        self.delays = replace(self.delays, velocity=velocity_lag(motions, self.cutoff))
 
     def at(self, cutoff: float) -> 'Conditioner':
         """Return a copy of the conditioner with another cut-off [Hz]."""
@@ -377,16 +364,13 @@ class Conditioner:
 
     def candidates(self) -> list[KinematicsFilter]:
         """Return the kinematics filters to try, the simplest first."""
-        wanted = self._options.filter
-        filters = [KinematicsFilter(self.cutoff)]
-        if self.harmonics is not None and self.fundamental is not None and wanted != 'butterworth':
-            known = KinematicsFilter(self.cutoff, self.harmonics)
-            all_below = KinematicsFilter(self.cutoff, self._harmonics_below_cutoff())
-            filters = [known] if wanted == 'harmonics' else [known, all_below, *filters]
+        counts: list[int | None] = [None]
+        if self.harmonics is not None:
+            counts = [self.harmonics, self._harmonics_below_cutoff(), None]
         return [
-            replace(f, from_position=source)
+            KinematicsFilter(self.cutoff, count, source)
             for source in (False, True)
-            for f in dict.fromkeys(filters)
+            for count in dict.fromkeys(counts)
         ]
 
     def adapted(self, kinematics: KinematicsFilter) -> KinematicsFilter:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.conditioning.periodicity import PeriodicPart
+from aerarm_ros.identification.conditioning.motion_check import PeriodicPart
 from aerarm_ros.identification.conditioning.spectral_filter import (
     MEMORY_PERIODS,
     SETTLING_PERIODS,

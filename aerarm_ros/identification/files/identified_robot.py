@@ -3,11 +3,11 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg import eigh
 from scipy.optimize import nnls
@@ -21,10 +21,11 @@ from aerarm_ros.description.urdf_document import (
 )
 from aerarm_ros.identification.files.estimate_file import NO_FRICTION
 from aerarm_ros.identification.joint_model import COUPLED, TermKind
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.inertia import barycentric_inertia, is_physically_consistent, pseudo_inertia
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.pages.html_text import macros
 
 
 def equivalent_friction(
@@ -53,12 +54,11 @@ def equivalent_friction(
     left_out = {*NO_FRICTION, TermKind.LOAD} if beside_load else NO_FRICTION
     viscous, coulomb = estimate.joint_values('fv'), estimate.joint_values('fs')
     loads = [bag.links_torque(estimate.inertial.ravel()) for bag in bags]
-    values = estimate.theta[10 * model.n :]
     for joint in range(model.n):
         own = [
             (term, value)
-            for (j, term), value in zip(model.joint_columns, values, strict=True)
-            if j == joint and term.kind not in left_out
+            for term, value in model.coefficients(estimate.theta, joint)
+            if term.kind not in left_out
         ]
         if all(
             term.kind in (TermKind.VISCOUS, TermKind.COULOMB) and (beside_load or not term.width)
@@ -94,96 +94,6 @@ def unwritten(estimate: Estimate) -> tuple[str, ...]:
 def _nearest(dq: Array, torque: Array) -> tuple[float, float]:
     (viscous, coulomb), _ = nnls(np.column_stack([dq, np.sign(dq)]), torque)
     return float(viscous), float(coulomb)
-
-
-INERTIA_ENTRIES = {
-    'xx': (0, 0),
-    'yy': (1, 1),
-    'zz': (2, 2),
-    'xy': (0, 1),
-    'xz': (0, 2),
-    'yz': (1, 2),
-}
-"""Row and column of each named entry of an inertia tensor."""
-
-
-@dataclass(frozen=True, eq=False)
-class LinkBody:
-    """Moving link of a serial arm, expressed in the frame of its joint.
-
-    Attributes
-    ----------
-    parent : int or None
-        Index of the parent link; None for the base.
-    translation : (3,) ndarray
-        Position of the joint frame in the parent frame [m].
-    quaternion : (4,) ndarray
-        Rotation of the joint frame in the parent frame, x y z w.
-    mass : float
-        Mass of the link [kg].
-    centre : (3,) ndarray
-        Centre of mass [m].
-    tensor : (3, 3) ndarray
-        Inertia about the centre of mass, along the frame's axes [kg m^2].
-    turns : bool
-        Whether the joint is revolute; otherwise prismatic.
-    axis : (3,) ndarray
-        Axis of the joint.
-    limits : (2,) ndarray
-        Position limits [rad] or [m]; infinite for a continuous joint.
-    """
-
-    link: str
-    joint: str
-    parent: int | None
-    translation: Array
-    quaternion: Array
-    mass: float
-    centre: Array
-    tensor: Array
-    turns: bool
-    axis: Array
-    limits: Array
-
-
-def link_bodies(robot: Robot, inertial: Array) -> Iterator[LinkBody]:
-    """Yield the moving links from base to tool.
-
-    Links behind fixed or locked joints belong to the moving link that carries them, as in the
-    identification. Links fixed to the base have no effect and are omitted.
-
-    Parameters
-    ----------
-    inertial : (n, 10) ndarray
-        Physically possible parameters of the moving links, thesis (3.3).
-    """
-    numbers = [robot.model.getJointId(joint) for joint in robot.joint_names]
-    tensors = barycentric_inertia(inertial)
-    for index, number in enumerate(numbers):
-        placement = robot.model.jointPlacements[number]
-        parent = robot.model.parents[number]
-        turns, axis = _freedom(robot.model.joints[number])
-        yield LinkBody(
-            link=robot.link_names[index],
-            joint=robot.joint_names[index],
-            parent=numbers.index(parent) if parent else None,
-            translation=np.array(placement.translation),
-            quaternion=np.array(pin.Quaternion(placement.rotation).coeffs()),
-            mass=float(inertial[index, 0]),
-            centre=inertial[index, 1:4] / inertial[index, 0],
-            tensor=tensors[index],
-            turns=turns,
-            axis=axis,
-            limits=np.array([robot.position_min[index], robot.position_max[index]]),
-        )
-
-
-def _freedom(joint: pin.JointModel) -> tuple[bool, Array]:
-    """Return whether a joint is revolute, and the joint's axis, from the Pinocchio model."""
-    data = joint.createData()
-    joint.calc(data, np.zeros(joint.nq))
-    linear, angular = np.split(np.asarray(data.S).ravel(), 2)
-    return bool(angular.any()), angular if angular.any() else linear
 
 
 # largest fraction of the possible subtraction, so that the remaining body has volume
@@ -371,72 +281,19 @@ def _set_dynamics(joint: ET.Element, values: Mapping[str, float]) -> None:
         dynamics.set(key, repr(float(value)))
 
 
+_MODELS = Path(__file__).parent / 'simulators.jinja'
+# Row and column of each named entry of an inertia tensor, in the order of MJCF.
+_ENTRIES = {'xx': (0, 0), 'yy': (1, 1), 'zz': (2, 2), 'xy': (0, 1), 'xz': (0, 2), 'yz': (1, 2)}
+_LIMITS = ('lower', 'upper', 'effort', 'velocity')
+
+
 def identified_mjcf(
     robot: Robot, inertial: Array, viscous: Array, coulomb: Array, rotor_inertia: Array
 ) -> str:
     """Return an MJCF text (for MuJoCo) with the dynamics of the identified arm.
 
-    Frames, names and directions equal those of the URDF, links those of `link_bodies`. Angles are
-    in radians, and gravity is the identified one.
-
-    Parameters
-    ----------
-    robot : Robot
-        Robot with identified gravity.
-    inertial : (n, 10) ndarray
-        Physically possible parameters of the moving links, thesis (3.3).
-    viscous, coulomb, rotor_inertia : (n,) ndarray
-        Values of MuJoCo's damping [Nms/rad], frictionloss [Nm] and armature [kg m^2].
-    """
-    root = ET.Element('mujoco', model=robot.model.name)
-    ET.SubElement(root, 'compiler', angle='radian', balanceinertia='false', boundmass='0')
-    ET.SubElement(root, 'option', gravity=numbers_text(robot.gravity_in_base))
-    world = ET.SubElement(root, 'worldbody')
-    bodies: list[ET.Element] = []
-    for index, own in enumerate(link_bodies(robot, inertial)):
-        body = ET.SubElement(
-            world if own.parent is None else bodies[own.parent],
-            'body',
-            name=own.link,
-            pos=numbers_text(own.translation),
-            quat=numbers_text(np.roll(own.quaternion, 1)),
-        )
-        bodies.append(body)
-        ET.SubElement(
-            body,
-            'inertial',
-            pos=numbers_text(own.centre),
-            mass=repr(own.mass),
-            fullinertia=numbers_text([own.tensor[entry] for entry in INERTIA_ENTRIES.values()]),
-        )
-        attributes = {
-            'name': own.joint,
-            'type': 'hinge' if own.turns else 'slide',
-            'axis': numbers_text(own.axis),
-            'damping': repr(float(viscous[index])),
-            'frictionloss': repr(float(coulomb[index])),
-            'armature': repr(float(rotor_inertia[index])),
-        }
-        joint = ET.SubElement(body, 'joint', attributes)
-        if np.isfinite(own.limits).all():
-            joint.set('limited', 'true')
-            joint.set('range', numbers_text(own.limits))
-    ET.indent(root)
-    return ET.tostring(root, encoding='unicode') + '\n'
-
-
-_VERSION = '1.9'  # first SDF version with quaternions
-_DRAKE = 'drake.mit.edu'
-
-
-def identified_sdf(
-    robot: Robot, inertial: Array, viscous: Array, coulomb: Array, rotor_inertia: Array
-) -> str:
-    """Return an SDF text with the dynamics of the identified arm on a fixed base.
-
-    Frames, names and directions equal those of the URDF, links those of `link_bodies`. SDF has no
-    element for rotor inertia. Rotor inertia is stored in an element that only Drake reads, with a
-    gear ratio of 1. Gravity belongs to the world, so it is given in a comment.
+    Frames, names and directions equal those of the URDF. Angles are in radians, and gravity is the
+    identified one.
 
     Parameters
     ----------
@@ -447,58 +304,78 @@ def identified_sdf(
     viscous, coulomb, rotor_inertia : (n,) ndarray
         Viscous [Nms/rad] and Coulomb [Nm] friction, and rotor inertia [kg m^2], at the joints.
     """
-    ET.register_namespace('drake', _DRAKE)
-    root = ET.Element('sdf', version=_VERSION)
-    root.append(ET.Comment(f' identified gravity [m/s^2]: {numbers_text(robot.gravity_in_base)} '))
-    model = ET.SubElement(root, 'model', name=robot.model.name)
-    bodies = list(link_bodies(robot, inertial))
-    efforts = zip(robot.effort_max, robot.velocity_max, strict=True)
-    for index, (own, (effort, velocity)) in enumerate(zip(bodies, efforts, strict=True)):
-        parent = None if own.parent is None else bodies[own.parent].link
-        _add_link(model, own, parent)
-        joint = _add_joint(model, own, parent or 'world')
-        axis = ET.SubElement(joint, 'axis')
-        _text(axis, 'xyz', own.axis)
-        dynamics = ET.SubElement(axis, 'dynamics')
-        _text(dynamics, 'damping', viscous[index])
-        _text(dynamics, 'friction', coulomb[index])
-        limit = ET.SubElement(axis, 'limit')
-        known = zip(
-            ('lower', 'upper', 'effort', 'velocity'), (*own.limits, effort, velocity), strict=True
-        )
-        for tag, value in known:
-            if np.isfinite(value):
-                _text(limit, tag, value)
-        _text(joint, f'{{{_DRAKE}}}rotor_inertia', rotor_inertia[index])
-        _text(joint, f'{{{_DRAKE}}}gear_ratio', 1.0)
+    links = _links(robot, inertial, viscous, coulomb, rotor_inertia)
+    return _model_text('mjcf', robot, links)
+
+
+def identified_sdf(
+    robot: Robot, inertial: Array, viscous: Array, coulomb: Array, rotor_inertia: Array
+) -> str:
+    """Return an SDF text with the dynamics of the identified arm on a fixed base.
+
+    SDF has no element for rotor inertia. Rotor inertia is stored in an element that only Drake
+    reads, with a gear ratio of 1. Gravity belongs to the world, so it is given in a comment.
+
+    Parameters
+    ----------
+    robot, inertial, viscous, coulomb, rotor_inertia
+        Same as in `identified_mjcf`.
+    """
+    links = _links(robot, inertial, viscous, coulomb, rotor_inertia)
+    return _model_text('sdf', robot, links)
+
+
+def _links(
+    robot: Robot, inertial: Array, viscous: Array, coulomb: Array, rotor_inertia: Array
+) -> Iterator[dict[str, Any]]:
+    """Yield the moving links from base to tool, in the terms of the templates.
+
+    Positions and the rotation x y z w are those of the joint's frame in the frame of the parent
+    link; the centre of mass, the inertia about it and the axis are in the joint's frame.
+    """
+    numbers = [robot.model.getJointId(joint) for joint in robot.joint_names]
+    ranges = zip(
+        *(robot.position_min, robot.position_max, robot.effort_max, robot.velocity_max), strict=True
+    )
+    tensors = barycentric_inertia(inertial)
+    for index, (number, limits) in enumerate(zip(numbers, ranges, strict=True)):
+        placement, parent = robot.model.jointPlacements[number], robot.model.parents[number]
+        turns, axis = _freedom(robot.model.joints[number])
+        quaternion = np.array(pin.Quaternion(placement.rotation).coeffs())
+        yield {
+            'link': robot.link_names[index],
+            'joint': robot.joint_names[index],
+            'parent': robot.link_names[numbers.index(parent)] if parent else None,
+            'translation': placement.translation,
+            'xyzw': quaternion,
+            'wxyz': np.roll(quaternion, 1),
+            'mass': inertial[index, 0],
+            'centre': inertial[index, 1:4] / inertial[index, 0],
+            'entries': {name: tensors[index][entry] for name, entry in _ENTRIES.items()},
+            'turns': turns,
+            'axis': axis,
+            'is_limited': bool(np.isfinite(limits[:2]).all()),
+            'range': limits[:2],
+            'limits': {k: x for k, x in zip(_LIMITS, limits, strict=True) if np.isfinite(x)},
+            'viscous': viscous[index],
+            'coulomb': coulomb[index],
+            'rotor_inertia': rotor_inertia[index],
+        }
+
+
+def _freedom(joint: pin.JointModel) -> tuple[bool, Array]:
+    """Return whether a joint is revolute, and the joint's axis, from the Pinocchio model."""
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.nq))
+    linear, angular = np.split(np.asarray(data.S).ravel(), 2)
+    return bool(angular.any()), angular if angular.any() else linear
+
+
+def _model_text(kind: str, robot: Robot, links: Iterator[dict[str, Any]]) -> str:
+    """Return the text of a simulator's model, with the macro `kind` of the templates."""
+    macro = getattr(macros(_MODELS), kind)
+    text = macro(robot.model.name, robot.gravity_in_base, list(links), numbers_text)
+    ET.register_namespace('drake', 'drake.mit.edu')
+    root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
-
-
-def _add_link(model: ET.Element, own: LinkBody, parent: str | None) -> None:
-    link = ET.SubElement(model, 'link', name=own.link)
-    pose = ET.SubElement(link, 'pose', rotation_format='quat_xyzw')
-    if parent is not None:
-        pose.set('relative_to', parent)
-    pose.text = numbers_text([*own.translation, *own.quaternion])
-    inertial = ET.SubElement(link, 'inertial')
-    _text(inertial, 'pose', [*own.centre, 0.0, 0.0, 0.0])
-    _text(inertial, 'mass', own.mass)
-    inertia = ET.SubElement(inertial, 'inertia')
-    for name, entry in INERTIA_ENTRIES.items():
-        _text(inertia, f'i{name}', own.tensor[entry])
-
-
-def _add_joint(model: ET.Element, own: LinkBody, parent: str) -> ET.Element:
-    """Add a joint to the model and return the joint; it has the frame of its child link."""
-    kind = 'prismatic'
-    if own.turns:
-        kind = 'revolute' if np.isfinite(own.limits).all() else 'continuous'
-    joint = ET.SubElement(model, 'joint', name=own.joint, type=kind)
-    ET.SubElement(joint, 'parent').text = parent
-    ET.SubElement(joint, 'child').text = own.link
-    return joint
-
-
-def _text(parent: ET.Element, tag: str, values: npt.ArrayLike) -> None:
-    ET.SubElement(parent, tag).text = numbers_text(values)

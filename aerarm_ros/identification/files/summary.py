@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerarm_ros.identification.assessment import BagDemand, assess
 from aerarm_ros.identification.files.identified_robot import equivalent_friction
-from aerarm_ros.identification.identification_result import IdentificationResult, Solution
+from aerarm_ros.identification.identification_result import (
+    BagDemand,
+    IdentificationResult,
+    Solution,
+    assess,
+)
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
@@ -19,17 +23,16 @@ from aerarm_ros.identification.joint_model import (
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.model_choice.filter_choice import GravityDirection
+from aerarm_ros.identification.model_fit import BaseParameters
 from aerarm_ros.identification.recording.recording import BagFacts
-from aerarm_ros.identification.regression.base_parameters import BaseParameters
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
-    from aerarm_ros.identification.truth import InertialTorqueError
+    from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
 
 @dataclass(frozen=True)
@@ -83,10 +86,9 @@ def export_errors(result: IdentificationResult) -> list[ExportError]:
 def _under_stated_gravity(
     result: IdentificationResult, bags: Sequence[SampleColumns]
 ) -> Sequence[SampleColumns]:
-    gravity = result.gravity
-    if gravity is None or gravity.tilt == 0.0:
+    if result.gravity.tilt == 0.0:
         return bags
-    regressor = Regressor(result.robot.with_gravity(gravity.stated))
+    regressor = Regressor(result.robot.with_gravity(result.gravity.stated))
     return [SampleColumns(bag.samples, regressor) for bag in bags]
 
 
@@ -101,13 +103,33 @@ def _simple(estimate: Estimate, viscous: Array, coulomb: Array, rotors: Array) -
     return replace(estimate, model=simple, theta=theta, std=None, determined=None)
 
 
+@dataclass(frozen=True, eq=False)
+class ReportExtras:
+    """Contents of summary and report that an `IdentificationResult` does not include.
+
+    Attributes
+    ----------
+    truth : Truth or None
+        True parameters of a simulated arm.
+    truth_errors : sequence of InertialTorqueError
+        Errors of estimated torques, relative to torques computed with the true parameters.
+    payload : Payload or None
+        Payload identified from another recording.
+    facts : mapping
+        Further facts by bag name.
+    exports : sequence of ExportError
+        Torque errors of each exported file.
+    """
+
+    truth: Truth | None = None
+    truth_errors: Sequence[InertialTorqueError] = ()
+    payload: Payload | None = None
+    facts: Mapping[str, BagFacts] = field(default_factory=dict)
+    exports: Sequence[ExportError] = ()
+
+
 def summarise(
-    result: IdentificationResult,
-    seconds: Mapping[str, float],
-    truth: Sequence[InertialTorqueError] = (),
-    payload: Payload | None = None,
-    facts: Mapping[str, BagFacts] | None = None,
-    exports: Sequence[ExportError] = (),
+    result: IdentificationResult, seconds: Mapping[str, float], extras: ReportExtras
 ) -> dict[str, Any]:
     """Return the content of summary.json: torque errors in percent, times in seconds.
 
@@ -115,12 +137,6 @@ def summarise(
     ----------
     seconds : mapping
         Time of each stage [s]; their sum is added as 'total'.
-    truth : sequence of InertialTorqueError
-        Comparison with a simulated arm's true parameters, if available.
-    facts : mapping, optional
-        Further facts about each bag, by the name of the bag.
-    exports : sequence of ExportError
-        Torque errors of each exported file.
     """
     summary: dict[str, Any] = {
         'robot': result.robot.model.name,
@@ -136,7 +152,7 @@ def summarise(
         'left_out': list(result.left_out),
         'excitation': [_demand(demand) for demand in result.demands],
         'conditioning': _conditioning(result),
-        'gravity': _gravity(result),
+        'gravity': _entry(result.gravity, 'stated', 'used', 'tilt'),
         'delays': _delays(result),
         'friction': {
             joint: [term_text(term, result.robot.joint_names) for term in terms]
@@ -145,10 +161,11 @@ def summarise(
         'weights': {bag.samples.name: bag.weights.tolist() for bag in result.identification},
         'seconds': {**seconds, 'total': sum(seconds.values())},
         'solvers': {name: _solver(solution) for name, solution in result.solutions.items()},
-        'bags': {name: asdict(known) for name, known in (facts or {}).items()},
-        'exports': [asdict(error) for error in exports],
+        'bags': {name: asdict(known) for name, known in extras.facts.items()},
+        'exports': [asdict(error) for error in extras.exports],
         'warnings': list(result.warnings),
     }
+    payload = extras.payload
     if payload is not None:
         summary['payload'] = {
             **_entry(payload, 'link', 'mass', 'centre', 'centre_std'),
@@ -156,13 +173,13 @@ def summarise(
             'inertial_parameters': payload.inertial.tolist(),
             'inertial_parameters_std': payload.std.tolist(),
         }
-    if truth:
+    if extras.truth_errors:
         summary['inertial_torque_error'] = [
             {
                 **_entry(error, 'solver', 'bag', 'total', 'per_joint'),
                 'total_against_true_torque': error.total_absolute,
             }
-            for error in truth
+            for error in extras.truth_errors
         ]
     return summary
 
@@ -192,24 +209,18 @@ def _conditioning(result: IdentificationResult) -> dict[str, Any]:
         **_entry(result.conditioner, 'cutoff', 'fundamental', 'harmonics'),
         'kinematics': choice.kinematics.label,
         'trials': [
-            {'cutoff': trial.cutoff, 'kinematics': trial.kinematics.label, 'error': trial.error}
-            for trial in choice.trials
+            {'cutoff': kinematics.cutoff, 'kinematics': kinematics.label, 'error': error}
+            for kinematics, error in choice.trials.items()
         ],
     }
 
 
-def _gravity(result: IdentificationResult) -> dict[str, Any]:
-    used = result.robot.gravity_in_base
-    return _entry(result.gravity or GravityDirection(used, used), 'stated', 'used', 'tilt')
-
-
 def _delays(result: IdentificationResult) -> dict[str, Any]:
-    found = result.delay
     return {
         **_entry(result.conditioner.delays, 'velocity', 'effort'),
         'velocity_used': result.filter_choice.kinematics.in_time,
-        'effort_found': None if found is None else found.found.tolist(),
-        'effort_deviation': None if found is None else found.deviation.tolist(),
+        'effort_found': result.delay.found.tolist(),
+        'effort_deviation': result.delay.deviation.tolist(),
     }
 
 

@@ -275,7 +275,6 @@ _DIVISIBLE = 0.004
 # Smallest mean current of a block [A]. Noise of the current affects both sides of the fit, and at
 # small currents would bias the resistance towards zero.
 _LEAST_CURRENT = 0.1
-_BLOCK = 0.1  # [s]: noise of two blocks is independent
 _LEAST_RESISTANCE_BLOCKS = 6
 _KNOWN = 0.3  # relative standard deviation above which a resistance counts as unknown
 

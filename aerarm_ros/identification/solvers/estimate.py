@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.arm_parameters import LinkBounds
-from aerarm_ros.identification.joint_model import JointModel
+from aerarm_ros.identification.joint_model import JointModel, LinkBounds
 from aerarm_ros.model.inertia import minimum_eigenvalue
 from aerarm_ros.motion.signals import Array
 
 if TYPE_CHECKING:  # only for type annotations
-    from aerarm_ros.identification.regression.model_fit import ModelFit
+    from aerarm_ros.identification.model_fit import ModelFit
 
     _Solve = Callable[[ModelFit, 'PhysicalLimits'], Array | tuple[Array, tuple[str, ...]]]
 

@@ -5,9 +5,8 @@ import numpy.typing as npt
 from scipy.optimize import lsq_linear
 
 from aerarm_ros.identification.joint_model import TermKind
-from aerarm_ros.identification.regression.base_parameters import find_base_parameters
-from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regression import ReducedRegression
+from aerarm_ros.identification.model_fit import ModelFit, find_base_parameters
+from aerarm_ros.identification.regression import ReducedRegression
 from aerarm_ros.identification.solvers.estimate import PhysicalLimits, solver
 from aerarm_ros.motion.signals import Array
 

@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from aerarm_ros.identification.arm_parameters import LinkBounds
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD, Prior
-from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regression import TriangularSystem
+from aerarm_ros.identification.joint_model import LinkBounds
+from aerarm_ros.identification.model_fit import LINK_SPREAD, ModelFit, Prior
+from aerarm_ros.identification.regression import TriangularSystem
 from aerarm_ros.identification.solvers.estimate import LARGEST_LOAD_FRICTION, PhysicalLimits, solver
 from aerarm_ros.model.inertia import minimum_eigenvalue, pseudo_inertia
 from aerarm_ros.motion.signals import Array

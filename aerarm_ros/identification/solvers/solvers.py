@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from aerarm_ros.identification.arm_parameters import ArmParameters, LinkBounds, inertia_boxes
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.joint_model import TermKind
-from aerarm_ros.identification.regression.model_fit import ModelFit
+from aerarm_ros.identification.joint_model import ArmParameters, LinkBounds, TermKind, inertia_boxes
+from aerarm_ros.identification.model_fit import ModelFit
 from aerarm_ros.identification.solvers.estimate import SOLVERS as SOLVERS
 from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from aerarm_ros.identification.regression.model_fit import ModelFit
-from aerarm_ros.identification.regression.regression import TriangularSystem
+from aerarm_ros.identification.model_fit import ModelFit
+from aerarm_ros.identification.regression import TriangularSystem
 from aerarm_ros.identification.solvers.estimate import PhysicalLimits, solver
 from aerarm_ros.model.inertia import barycentric_inertia, from_pseudo_inertia, pseudo_inertia
 from aerarm_ros.motion.signals import Array

@@ -14,12 +14,11 @@ from aerarm_msgs_py.bags.bag_reader import read_contents
 from aerarm_msgs_py.storage.read_limits import BagError as BagError
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
-from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import estimated_arm, read_estimate
-from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
-from aerarm_ros.identification.files.summary import export_errors, summarise
-from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.files.result_directory import ResultDirectory
+from aerarm_ros.identification.files.summary import ReportExtras, export_errors, summarise
+from aerarm_ros.identification.identification_result import BagAssessment, IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch
 from aerarm_ros.identification.identify import identify as run
 from aerarm_ros.identification.recording.recording import (
@@ -33,8 +32,7 @@ from aerarm_ros.identification.recording.table_file import (
     TableStates,
     read_table,
 )
-from aerarm_ros.identification.report.report import ReportExtras
-from aerarm_ros.identification.report.report_tables import error_table, parameter_table
+from aerarm_ros.identification.report_tables import error_table, parameter_table
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
@@ -133,8 +131,8 @@ class IdentifiedArm(IdentifiedModel):
     ----------
     result : IdentificationResult
         Complete result of the identification.
-    seconds : dict of str to float
-        Duration of each stage of the identification [s].
+    stopwatch : Stopwatch
+        Duration of each stage of the identification.
 
     Attributes
     ----------
@@ -142,10 +140,10 @@ class IdentifiedArm(IdentifiedModel):
         Estimate of the arm's physically consistent parameters, with standard deviations.
     """
 
-    def __init__(self, result: IdentificationResult, seconds: dict[str, float]) -> None:
+    def __init__(self, result: IdentificationResult, stopwatch: Stopwatch) -> None:
         super().__init__(result.robot, result.recommended.estimate)
         self.result = result
-        self._seconds = seconds
+        self._stopwatch = stopwatch
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -171,7 +169,8 @@ class IdentifiedArm(IdentifiedModel):
 
     def as_dict(self) -> dict[str, object]:
         """Return the most important results, as in the file `summary.json` of the identifier."""
-        return summarise(self.result, self._seconds, exports=export_errors(self.result))
+        extras = ReportExtras(exports=export_errors(self.result))
+        return summarise(self.result, self._stopwatch.seconds, extras)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write the output files of the identifier: YAML, URDF, MJCF, SDF, JSON and an HTML report.
@@ -188,8 +187,7 @@ class IdentifiedArm(IdentifiedModel):
         """
         with ResultDirectory(Path(folder), 'save(folder)', RESULT_FILES) as directory:
             extras = ReportExtras(exports=export_errors(self.result))
-            write_result(self.result, directory, extras)
-            directory.write_json(MARKER, self.as_dict())
+            write_result(self.result, directory, extras, self._stopwatch)
         return directory.target
 
     def __repr__(self) -> str:
@@ -399,7 +397,7 @@ def identify(
     stopwatch = Stopwatch()
     result = run(robot, arm, first, second + held_out, chosen, stopwatch)
     result.warnings[:0] = reader.messages
-    return IdentifiedArm(result, stopwatch.seconds)
+    return IdentifiedArm(result, stopwatch)
 
 
 def _listed(word: str, bags: Bag | Iterable[Bag]) -> list[Bag]:

@@ -27,6 +27,8 @@ from aerarm_ros.identification.recording.table_file import (
 )
 
 _COMMAND, _MODE, _DIAGNOSTICS = 'joint_command', 'arm_mode', 'diagnostics'
+_BAGS = ('.mcap', '.db3', '.bag')
+_ACCEPTED = 'the identifier reads rosbag2 folders, and .mcap, .db3, .csv, .npz and ROS 1 .bag files'
 _MAX_STATES = 2_000_000  # messages per bag, 33 min at 1 kHz, because memory is limited
 
 
@@ -116,6 +118,8 @@ class IdentifierBags:
                 others.append(f'/{_DIAGNOSTICS}')
                 contents = read_contents(path, self._topic, others, _MAX_STATES, self._limits)
         except BagError as error:
+            if path.is_file() and path.suffix not in _BAGS:
+                notes.append(_ACCEPTED)
             raise BagError('; '.join([str(error), *notes])) from None
         states = contents.joint_states[self._topic]
         notes += _check_complete(name, self._topic, contents)

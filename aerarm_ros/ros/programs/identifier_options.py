@@ -119,20 +119,11 @@ _OPTIONS: tuple[Option, ...] = (
         '-9.81)'),
     ('--exact-gravity', {'action': 'store_true'},
         "use the given direction of gravity, and do not estimate a tilt of the arm's base"),
-    ('--exact-stamps', {'action': 'store_true'},
-        'assume that position, velocity and effort in one message were measured at the same '
-        'time, and estimate no delays between them'),
     ('--fundamental', {'type': float, 'metavar': 'HZ'},
         'fundamental frequency f0 of a periodic motion [Hz] (default: detected)'),
-    ('--harmonics', {'type': int, 'metavar': 'N'},
-        'number of harmonics of a periodic motion (default: detected)'),
     ('--cutoff', {'type': float, 'metavar': 'HZ'},
         'cutoff frequency of the low-pass filter for the torque [Hz] (default: chosen by '
         'cross-validation)'),
-    ('--filter', {'choices': ('auto', 'harmonics', 'butterworth'), 'default': 'auto'},
-        'filter of positions, velocities and accelerations. harmonics: rectangular windows at '
-        'the harmonics of a periodic motion; butterworth: zero-phase low-pass; auto (default): '
-        'the better filter in a cross-validation'),
     ('--friction', {'default': 'auto', 'metavar': 'MODEL'},
         'friction model: auto (default), or terms joined by +, for example coulomb+load. Terms '
         'are coulomb, load, offset, creep, stribeck, asymmetric and dahl (dry friction that '

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from aerarm_msgs_py.storage.read_limits import ReadLimits
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import STANDARD_GRAVITY, load_robot
-from aerarm_ros.identification.arm_parameters import LinkBounds
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import (
@@ -31,13 +30,18 @@ from aerarm_ros.identification.files.identified_robot import (
     unwritten,
 )
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
-from aerarm_ros.identification.files.summary import ExportError, export_errors, summarise
+from aerarm_ros.identification.files.summary import (
+    ExportError,
+    ReportExtras,
+    export_errors,
+    summarise,
+)
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
-from aerarm_ros.identification.joint_model import TermKind
+from aerarm_ros.identification.joint_model import LinkBounds, TermKind
 from aerarm_ros.identification.recording.recording import BagFacts, JointMapping, Recording
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
-from aerarm_ros.identification.report.report import ReportExtras, report_html
+from aerarm_ros.identification.report import report_html
 from aerarm_ros.identification.solvers.solvers import DEFAULT, check_solvers
 from aerarm_ros.ros.process.process_end import print_notice
 from aerarm_ros.ros.programs.identifier_bags import (
@@ -60,9 +64,12 @@ RESULT_FILES = (
 
 
 def write_result(
-    result: IdentificationResult, directory: ResultDirectory, extras: ReportExtras
+    result: IdentificationResult,
+    directory: ResultDirectory,
+    extras: ReportExtras,
+    stopwatch: Stopwatch,
 ) -> tuple[str, ...]:
-    """Write estimate, URDF, MJCF, SDF, payload and report; return warnings about the files.
+    """Write all result files; return warnings about the files.
 
     Raises
     ------
@@ -70,22 +77,24 @@ def write_result(
         If a file cannot be written.
     """
     estimate = result.recommended.estimate
-    viscous, coulomb = equivalent_friction(estimate, result.identification)
-    directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
-    load = estimate.joint_values(TermKind.LOAD.value)
-    others = equivalent_friction(estimate, result.identification, beside_load=True)
-    friction = (viscous, coulomb, LoadFriction(load, *others))
-    urdf = identified_urdf(result.robot, estimate.inertial, *friction)
-    notes = (*urdf.warnings, *unwritten(estimate))
-    result.warnings.extend(text for text in notes if text not in result.warnings)
-    directory.write('identified.urdf', urdf.text)
-    rotors = estimate.joint_values(TermKind.ROTOR.value)
-    values = (estimate.inertial, viscous, coulomb, rotors)
-    directory.write('identified.xml', identified_mjcf(result.robot, *values))
-    directory.write('identified.sdf', identified_sdf(result.robot, *values))
-    if extras.payload is not None:
-        directory.write('payload.yaml', payload_yaml(estimate, extras.payload))
-    directory.write('report.html', report_html(result, extras))
+    with stopwatch.stage('writing'):
+        viscous, coulomb = equivalent_friction(estimate, result.identification)
+        directory.write('estimate.yaml', estimate_yaml(result, estimate, viscous, coulomb))
+        load = estimate.joint_values(TermKind.LOAD.value)
+        others = equivalent_friction(estimate, result.identification, beside_load=True)
+        friction = (viscous, coulomb, LoadFriction(load, *others))
+        urdf = identified_urdf(result.robot, estimate.inertial, *friction)
+        notes = (*urdf.warnings, *unwritten(estimate))
+        result.warnings.extend(text for text in notes if text not in result.warnings)
+        directory.write('identified.urdf', urdf.text)
+        rotors = estimate.joint_values(TermKind.ROTOR.value)
+        values = (estimate.inertial, viscous, coulomb, rotors)
+        directory.write('identified.xml', identified_mjcf(result.robot, *values))
+        directory.write('identified.sdf', identified_sdf(result.robot, *values))
+        if extras.payload is not None:
+            directory.write('payload.yaml', payload_yaml(estimate, extras.payload))
+        directory.write('report.html', report_html(result, extras))
+    directory.write_json(MARKER, summarise(result, stopwatch.seconds, extras))
     return notes
 
 
@@ -127,7 +136,7 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
         if not solution.estimate.physically_consistent:
             cells.append('  not physically consistent')
         lines.append(name.ljust(_NAME_WIDTH) + ''.join(cells))
-    if result.gravity is not None and result.gravity.tilt > 0.0:
+    if result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
             f'the estimated gravity differs by {degrees:.2f} degrees from the direction of '
@@ -327,15 +336,9 @@ class IdentifierRun:
         self, result: IdentificationResult, payload: Payload | None, directory: ResultDirectory
     ) -> None:
         _progress('writing the report')
-        with self._stopwatch.stage('writing'):
-            extras = replace(self._extras(result), payload=payload)
-            print_notice(_NAME, *write_result(result, directory, extras))
+        extras = replace(self._extras(result), payload=payload)
+        print_notice(_NAME, *write_result(result, directory, extras, self._stopwatch))
         self._exports = extras.exports
-        seconds = self._stopwatch.seconds
-        summary = summarise(
-            result, seconds, extras.truth_errors, payload, extras.facts, extras.exports
-        )
-        directory.write_json(MARKER, summary)
 
     def _extras(self, result: IdentificationResult) -> ReportExtras:
         extras = ReportExtras(facts=self._arm.facts(), exports=export_errors(result))
@@ -353,8 +356,7 @@ class IdentifierRun:
 
 
 def _conditioning(options: argparse.Namespace) -> ConditioningOptions:
-    names = ('fundamental', 'harmonics', 'cutoff', 'filter', 'exact_stamps')
-    return ConditioningOptions(**{name: getattr(options, name) for name in names})
+    return ConditioningOptions(options.fundamental, options.cutoff)
 
 
 def _print_replaced(directory: ResultDirectory) -> None:

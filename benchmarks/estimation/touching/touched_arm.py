@@ -17,6 +17,11 @@ from payload_hours import CYCLE, MADE, PURSUIT, Arm, Plant, Work
 from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.control_loop import ControlLoop, ReferenceSource
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping, Recording
@@ -81,6 +86,24 @@ class TouchedPlant(Plant):
         """Return the origin of a body's child in the body's frame (3,) [m]; or that of the tool."""
         children = [c for c in range(self._model.nbody) if self._model.body_parentid[c] == body]
         return np.array(self._model.body_pos[children[0]] if children else TOOL)
+
+
+def controller(
+    known: KnownArm,
+    references: ReferenceSource,
+    friction: FrictionCompensation | None,
+    compensated: float,
+) -> tuple[ControlLoop, ComputedTorque]:
+    """Return the loop of computed torque with an identified model, and its control law.
+
+    The observer compensates disturbances up to a fraction of the largest effort.
+    """
+    limits = JointLimits.from_config(load_arm_config())
+    dynamics = MovingBaseDynamics(known.robot, known.rotor_inertia)
+    law = ComputedTorque(dynamics, 400.0, 40.0, None, friction, 1.5 * CYCLE, 1.59e-3)
+    observer = MomentumObserver(dynamics, np.full(4, 30.0), friction)
+    most = compensated * limits.effort_max
+    return ControlLoop(limits, references, law, observer, None, most), law
 
 
 class Sensors:

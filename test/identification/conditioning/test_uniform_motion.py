@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from aerarm_ros.identification.conditioning.periodicity import (
+from aerarm_ros.identification.conditioning.motion_check import (
     PeriodicPart,
     count_harmonics,
     find_periodic_part,

@@ -55,11 +55,15 @@ def skeleton(text: str) -> list[tuple]:
     return [(element.tag, sorted(element.attrib.items())) for element in root.iter()]
 
 
+def robot_of(name: str, example_urdf: Callable[[str], Path]) -> Robot:
+    locked = FINGERS if name.startswith('panda') else ()
+    return load_robot(None if name == 'aerarm' else example_urdf(name), locked=locked)
+
+
 @pytest.mark.parametrize('name', ['aerarm', 'ur10_robot.urdf', 'panda.urdf'])
 def test_round_trip(name: str, example_urdf: Callable[[str], Path]) -> None:
-    path = None if name == 'aerarm' else example_urdf(name)
+    robot = robot_of(name, example_urdf)
     locked = FINGERS if name.startswith('panda') else ()
-    robot = load_robot(path, locked=locked)
     inertial = heavier(robot)
     fv, fs = np.linspace(0.1, 0.2, robot.n), np.linspace(0.3, 0.4, robot.n)
     load = np.linspace(0.0, 0.05, robot.n)
@@ -96,34 +100,24 @@ def test_fixed_links_give_their_inertia_to_the_moving_one(robot: Robot) -> None:
     assert written.text.count('<inertial>') == 4
 
 
-def bodies(text: str) -> np.ndarray:
-    """Inertial parameters of every moving body, without anything locked."""
-    model = pin.buildModelFromXML(text)
-    return np.array([body.toDynamicParameters() for body in model.inertias[1:]])
-
-
-def test_too_light_a_total_behind_locked_joints_stays_physical(
-    example_urdf: Callable[[str], Path],
+def test_links_behind_locked_joints_stay_physical(
+    robot: Robot, example_urdf: Callable[[str], Path]
 ) -> None:
-    """The fingers of the drawing are heavier than all that was found: they become lighter."""
-    robot = load_robot(example_urdf('panda.urdf'), locked=FINGERS)
-    inertial = robot.inertial_parameters * 0.01
-    written = identified_urdf(robot, inertial, np.zeros(7), np.zeros(7))
-    assert '(panda_leftfinger, panda_rightfinger) have' in written.warnings[0]
-    assert np.all(is_physically_consistent(bodies(written.text)))
-    again = load_robot(written.text, locked=FINGERS).inertial_parameters
-    assert np.allclose(again, inertial, atol=1e-12)
-
-
-def test_a_joint_locked_in_the_middle_of_the_chain(robot: Robot) -> None:
-    """Links behind it that do move are not what it carries."""
-    stiff = load_robot(robot.urdf_text, locked=('joint3',))
-    inertial = 1.2 * stiff.inertial_parameters
-    written = identified_urdf(stiff, inertial, np.zeros(3), np.zeros(3))
-    assert not written.warnings
-    assert np.all(is_physically_consistent(bodies(written.text)))
-    again = load_robot(written.text, locked=('joint3',)).inertial_parameters
-    assert np.allclose(again, inertial, atol=1e-12)
+    """Fingers heavier than all that was found become lighter; a middle link moves its followers."""
+    panda = load_robot(example_urdf('panda.urdf'), locked=FINGERS)
+    for arm, locked, scale, words in (
+        (panda, FINGERS, 0.01, '(panda_leftfinger, panda_rightfinger) have'),
+        (load_robot(robot.urdf_text, locked=('joint3',)), ('joint3',), 1.2, ''),
+    ):
+        inertial, none = scale * arm.inertial_parameters, np.zeros(arm.n)
+        written = identified_urdf(arm, inertial, none, none)
+        assert words in ''.join(written.warnings)
+        assert bool(words) == bool(written.warnings)
+        model = pin.buildModelFromXML(written.text)  # without anything locked
+        bodies = np.array([body.toDynamicParameters() for body in model.inertias[1:]])
+        assert np.all(is_physically_consistent(bodies))
+        again = load_robot(written.text, locked=locked).inertial_parameters
+        assert np.allclose(again, inertial, atol=1e-12)
 
 
 def mujoco_torque(
@@ -135,31 +129,6 @@ def mujoco_torque(
     model.dof_frictionloss[:], model.dof_damping[:], model.jnt_limited[:] = 0.0, 0.0, 0
     mujoco.mj_inverse(model, data)
     return np.array(data.qfrc_inverse)
-
-
-@pytest.mark.parametrize('file', [None, 'ur10_robot.urdf', 'panda.urdf'])
-def test_mujoco_and_pinocchio_need_the_same_torque(
-    file: str | None, example_urdf: Callable[[str], Path]
-) -> None:
-    locked = ['panda_finger_joint1', 'panda_finger_joint2'] if file == 'panda.urdf' else []
-    robot = load_robot(None if file is None else example_urdf(file), locked=locked)
-    robot = robot.with_gravity([0.3, -0.2, -9.8])
-    random = np.random.default_rng(0)
-    inertial = robot.inertial_parameters * random.uniform(0.9, 1.1, (robot.n, 1))
-    viscous, coulomb, rotor = random.uniform(0.1, 0.5, (3, robot.n))
-    text = identified_mjcf(robot, inertial, viscous, coulomb, rotor)
-    model = mujoco.MjModel.from_xml_string(text)
-    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
-    assert tuple(names) == robot.joint_names
-    assert model.dof_damping == pytest.approx(viscous)
-    assert model.dof_frictionloss == pytest.approx(coulomb)
-    assert model.dof_armature == pytest.approx(rotor)
-    dynamics = Dynamics(robot.with_inertial_parameters(inertial), rotor)
-    for _ in range(20):
-        q, dq, ddq = random.uniform(-1.5, 1.5, (3, robot.n))
-        assert mujoco_torque(model, q, dq, ddq) == pytest.approx(
-            dynamics.inverse(q, dq, ddq), abs=1e-9
-        )
 
 
 DRAKE_ROTOR = '{drake.mit.edu}rotor_inertia'
@@ -196,27 +165,32 @@ def pinocchio_model(text: str) -> pin.Model:
     return model
 
 
-@pytest.mark.parametrize('file', [None, 'ur10_robot.urdf', 'panda.urdf'])
-def test_the_sdf_model_needs_the_same_torque(
-    file: str | None, example_urdf: Callable[[str], Path]
+@pytest.mark.parametrize('name', ['aerarm', 'ur10_robot.urdf', 'panda.urdf'])
+def test_simulators_and_pinocchio_need_the_same_torque(
+    name: str, example_urdf: Callable[[str], Path]
 ) -> None:
-    locked = ['panda_finger_joint1', 'panda_finger_joint2'] if file == 'panda.urdf' else []
-    robot = load_robot(None if file is None else example_urdf(file), locked=locked)
+    robot = robot_of(name, example_urdf).with_gravity([0.3, -0.2, -9.8])
     random = np.random.default_rng(0)
     inertial = robot.inertial_parameters * random.uniform(0.9, 1.1, (robot.n, 1))
-    viscous, coulomb, rotor = random.uniform(0.1, 0.5, (3, robot.n))
-    text = identified_sdf(robot, inertial, viscous, coulomb, rotor)
+    values = viscous, coulomb, rotor = random.uniform(0.1, 0.5, (3, robot.n))
+    engine = mujoco.MjModel.from_xml_string(identified_mjcf(robot, inertial, *values))
+    names = [mujoco.mj_id2name(engine, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(engine.njnt)]
+    assert tuple(names) == robot.joint_names
+    assert engine.dof_damping == pytest.approx(viscous)
+    assert engine.dof_frictionloss == pytest.approx(coulomb)
+    assert engine.dof_armature == pytest.approx(rotor)
+    text = identified_sdf(robot, inertial, *values)
     model = pinocchio_model(text)
     model.gravity.linear = robot.gravity_in_base
     joints = ET.fromstring(text).findall('model/joint')
     assert [float(own.findtext('axis/dynamics/damping')) for own in joints] == viscous.tolist()
     assert [float(own.findtext('axis/dynamics/friction')) for own in joints] == coulomb.tolist()
     model.armature = np.array([float(own.findtext(DRAKE_ROTOR)) for own in joints])
-    wanted, data = Dynamics(robot.with_inertial_parameters(inertial), rotor), model.createData()
-    for _ in range(20):
-        q, dq, ddq = random.uniform(-1.5, 1.5, (3, robot.n))
-        torque = pin.rnea(model, data, q, dq, ddq)
-        assert torque == pytest.approx(wanted.inverse(q, dq, ddq), abs=1e-9)
+    dynamics, data = Dynamics(robot.with_inertial_parameters(inertial), rotor), model.createData()
+    for motion in random.uniform(-1.5, 1.5, (20, 3, robot.n)):
+        wanted = pytest.approx(dynamics.inverse(*motion), abs=1e-9)
+        assert mujoco_torque(engine, *motion) == wanted
+        assert pin.rnea(model, data, *motion) == wanted
 
 
 def estimate_with(result: IdentificationResult, **coefficients: float) -> Estimate:

@@ -7,18 +7,17 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from identified import identified
 
-from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.assessment import torque_errors
-from aerarm_ros.identification.files.summary import ExportError, export_errors, summarise
-from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
+from aerarm_ros.description.robot import load_robot
+from aerarm_ros.identification.files.summary import ReportExtras, export_errors, summarise
+from aerarm_ros.identification.identification_result import IdentificationResult, torque_errors
+from aerarm_ros.identification.identify import Stopwatch
 from aerarm_ros.ros.library.identification import IdentifiedArm, load_identified
 
 
 def test_keys_and_values(result: IdentificationResult) -> None:
-    summary = summarise(result, {'a': 1.0, 'b': 0.5})
+    summary = summarise(result, {'a': 1.0, 'b': 0.5}, ReportExtras())
     json.dumps(summary, allow_nan=False)
     assert summary['samples'] == 10_000
     assert summary['seconds'] == {'a': 1.0, 'b': 0.5, 'total': 1.5}
@@ -45,49 +44,31 @@ _STEPS = 0.3  # [%] by which errors differ, since steps of friction are filtered
 
 
 @pytest.fixture(scope='module')
-def loaded(make_arm: Callable, robot: Robot, config: ArmConfig) -> IdentificationResult:
+def loaded(make_arm: Callable) -> IdentificationResult:
     """An arm whose friction grows with its load."""
     arm = make_arm(rate=100.0, load=0.15)
-    bags = [[arm.recording(seed, noise=1.0)] for seed in (1, 2)]
-    options = IdentificationOptions(friction='load+offset', tilt=False)
-    return identify(robot, config, *bags, options, Stopwatch())
+    bags = [arm.recording(seed, noise=1.0) for seed in (1, 2)]
+    return identified(*bags, friction='load+offset', tilt=False)
 
 
-@pytest.fixture(scope='module')
-def folder(loaded: IdentificationResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return IdentifiedArm(loaded, {}).save(tmp_path_factory.mktemp('saved') / 'result')
-
-
-@pytest.fixture(scope='module')
-def stated(loaded: IdentificationResult) -> dict[str, ExportError]:
-    found = export_errors(loaded)
-    return {f'{error.file} {error.contents.split(" ")[0].strip(":")}': error for error in found}
-
-
-def error_of(result: IdentificationResult, torque: Callable[..., np.ndarray]) -> float:
-    """Return the error on the validation bag of what a reader predicts for each sample."""
-    samples = result.validation[0].samples
-    motion = zip(samples.q, samples.dq, samples.ddq, strict=True)
-    kept = samples.kept
-    predicted = samples.coarse_filter(np.array([torque(*row) for row in motion]))
-    return torque_errors(samples.tau[kept], predicted[kept])[0]
-
-
-def test_the_whole_model_comes_back_in_one_line(
-    loaded: IdentificationResult, folder: Path, stated: dict[str, ExportError]
+def test_written_files_have_the_errors_that_are_stated(
+    loaded: IdentificationResult, tmp_path: Path
 ) -> None:
-    model = load_identified(folder)
+    folder = IdentifiedArm(loaded, Stopwatch()).save(tmp_path / 'result')
+    whole, simulator, urdf, drake, _ = (each.filtered[-1] for each in export_errors(loaded))
+    assert whole == pytest.approx(loaded.recommended.validation[0].filtered)
+    assert whole < simulator < urdf
+    assert drake == pytest.approx(simulator)
+    # The whole model comes back in one line.
     samples = loaded.validation[0].samples
     motion = samples.q, samples.dq, samples.ddq
-    expected = IdentifiedArm(loaded, {}).torque(*motion)
-    assert model.torque(*motion) == pytest.approx(expected, rel=1e-9, abs=1e-9)
-    sdp = loaded.recommended.validation[0]
-    assert stated['estimate.yaml whole'].filtered[-1] == pytest.approx(sdp.filtered)
-
-
-def test_mujoco_reads_the_mjcf_as_stated(
-    loaded: IdentificationResult, folder: Path, stated: dict[str, ExportError]
-) -> None:
+    expected = IdentifiedArm(loaded, Stopwatch()).torque(*motion)
+    assert load_identified(folder).torque(*motion) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    # The suite reads load-dependent friction separately.
+    robot, estimate = load_robot(folder / 'identified.urdf'), loaded.recommended.estimate
+    assert robot.load_friction == pytest.approx(estimate.joint_values('fl'))
+    assert robot.coulomb == pytest.approx(estimate.joint_values('fs'), abs=1e-9)
+    # MuJoCo predicts with the stated error, but steps of friction are filtered at another rate.
     model = mujoco.MjModel.from_xml_path(str(folder / 'identified.xml'))
     damping, dry = model.dof_damping.copy(), model.dof_frictionloss.copy()
     model.dof_frictionloss[:], model.dof_damping[:], model.jnt_limited[:] = 0.0, 0.0, 0
@@ -98,22 +79,8 @@ def test_mujoco_reads_the_mjcf_as_stated(
         mujoco.mj_inverse(model, data)
         return data.qfrc_inverse + damping * dq + dry * np.sign(dq)
 
-    assert stated['identified.xml MuJoCo'].filtered[-1] == pytest.approx(
-        error_of(loaded, torque), abs=_STEPS
+    rows = np.array([torque(*row) for row in zip(*motion, strict=True)])
+    predicted = samples.coarse_filter(rows)[samples.kept]
+    assert simulator == pytest.approx(
+        torque_errors(samples.tau[samples.kept], predicted)[0], abs=_STEPS
     )
-
-
-def test_files_that_carry_less_are_worse(stated: dict[str, ExportError]) -> None:
-    whole = stated['estimate.yaml whole'].filtered[-1]
-    simulator = stated['identified.xml MuJoCo'].filtered[-1]
-    assert whole < simulator < stated['identified.urdf Pinocchio'].filtered[-1]
-    assert stated['identified.sdf Drake'].filtered[-1] == pytest.approx(simulator)
-
-
-def test_the_suite_reads_load_dependent_friction_separately(
-    loaded: IdentificationResult, folder: Path
-) -> None:
-    robot = load_robot(folder / 'identified.urdf')
-    estimate = loaded.recommended.estimate
-    assert robot.load_friction == pytest.approx(estimate.joint_values('fl'))
-    assert robot.coulomb == pytest.approx(estimate.joint_values('fs'), abs=1e-9)

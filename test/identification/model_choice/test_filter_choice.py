@@ -3,20 +3,17 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.metadata import files
 from pathlib import Path
 
 import numpy as np
 import pytest
+from identified import identified
 
-from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
-from aerarm_ros.identification.files.summary import summarise
-from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
-from aerarm_ros.identification.model_choice.filter_choice import choose_filter
+from aerarm_ros.identification.files.summary import ReportExtras, summarise
+from aerarm_ros.identification.filter_choice import choose_filter
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.model.regressor import Regressor
@@ -36,28 +33,16 @@ def test_velocities_that_lag_are_not_used_as_they_are(
     time = recording.time
     late = [np.interp(time - lag, time, column) for column in recording.dq.T]
     choice = choice_for(replace(recording, dq=np.column_stack(late)), robot)
-    by_rule = [trial for trial in choice.trials if trial.cutoff == pytest.approx(5.0)]
-    as_measured = [not (t.kinematics.from_position or t.kinematics.in_time) for t in by_rule]
-    errors = {lags: trial.error for lags, trial in zip(as_measured, by_rule, strict=True)}
+    by_rule = [k for k in choice.trials if k.cutoff == pytest.approx(5.0)]
+    errors = {not (k.from_position or k.in_time): choice.trials[k] for k in by_rule}
     if lag:
         assert choice.kinematics.from_position or choice.kinematics.in_time
         assert choice.conditioner.delays.velocity == pytest.approx(lag, rel=0.01)
         assert errors[False] < 0.5 * errors[True]
     else:
-        assert not any(trial.kinematics.in_time for trial in by_rule)
+        assert not any(k.in_time for k in by_rule)
     # What a drawing that is off weighs against data of which it is said that they are noisy.
     assert min(errors.values()) < 0.5
-
-
-@pytest.mark.parametrize(('filter', 'counts'), [('harmonics', {5}), ('butterworth', {None})])
-def test_filter_and_cutoff_can_be_fixed(
-    make_arm: Callable, robot: Robot, filter: str, counts
-) -> None:
-    recording = make_arm(rate=200.0).recording(1)
-    conditioner = Conditioner([recording], ConditioningOptions(filter=filter, cutoff=6.0))
-    choice = choose_filter(Regressor(robot), conditioner, [recording])
-    assert {trial.kinematics.harmonics for trial in choice.trials} == counts
-    assert [trial.cutoff for trial in choice.trials] == [6.0, 6.0]
 
 
 EFFORT = np.array([5e-3, 5e-3, -5e-3, 0.0])
@@ -69,89 +54,55 @@ def late(bag: Recording, values: np.ndarray, delay: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(bag.time - d, bag.time, v) for d, v in pairs])
 
 
-def of_late(robot: Robot, config: ArmConfig, bag: Recording, exact: bool = False):
-    conditioning = ConditioningOptions(exact_stamps=exact)
-    options = IdentificationOptions(conditioning, friction='coulomb')
-    return identify(robot, config, [bag], [], options, Stopwatch())
-
-
-def test_a_delay_of_five_milliseconds_is_found(arm, robot: Robot, config: ArmConfig) -> None:
+def test_a_delay_of_five_milliseconds_is_found(arm) -> None:
     bag = arm.recording(1, noise=1.0)
     moved = replace(bag, tau=late(bag, bag.tau, EFFORT), dq=late(bag, bag.dq, VELOCITY))
-    found = of_late(robot, config, moved)
+    found = identified(moved)
     assert found.delay.found == pytest.approx(EFFORT, abs=1e-3)
     assert np.all((found.delay.deviation > 0.0) & (found.delay.deviation < 2e-3))
     assert np.all(np.abs(found.delay.found - EFFORT) < 3.0 * found.delay.deviation)
     assert found.conditioner.delays.velocity == pytest.approx(VELOCITY, abs=2e-4)
-    used = found.delay.used
-    assert used[0] == pytest.approx(5e-3, abs=1e-3)
-    assert np.array_equal(found.conditioner.delays.effort, used)
+    assert found.delay.used[0] == pytest.approx(5e-3, abs=1e-3)
+    assert np.array_equal(found.conditioner.delays.effort, found.delay.used)
     # What a summary holds are plain numbers.
-    assert json.loads(json.dumps(summarise(found, {})))['delays']['velocity_used'] is True
-    trusting = of_late(robot, config, moved, exact=True)
-    assert trusting.delay is None
-    before, after = (each.recommended.identification[0].filtered for each in (trusting, found))
-    assert after < 0.8 * before
+    summary = json.loads(json.dumps(summarise(found, {}, ReportExtras())))
+    assert summary['delays']['velocity_used'] is True
+    undelayed, corrected = (
+        each.recommended.identification[0].filtered for each in (identified(bag), found)
+    )
+    assert corrected < 1.1 * undelayed
 
 
-def test_signals_of_one_instant_are_left_alone(result) -> None:
+def test_signals_of_one_instant_and_a_level_base_are_left_alone(result) -> None:
     assert np.abs(result.delay.found).max() < 1e-3
     assert not result.conditioner.delays.effort.any()
     assert not result.conditioner.delays.velocity.any()
+    assert result.gravity.tilt == 0.0
+    assert np.array_equal(result.robot.gravity_in_base, result.gravity.stated)
+    assert result.gravity.error > 0.95
 
 
-TILT = np.radians([0.8, -1.1])  # about the base's x and y axes
-
-
-def tilted(make_arm: Callable, robot: Robot, config: ArmConfig, **options):
-    plain = make_arm(rate=200.0)
-    leaning = replace(
-        plain,
-        robot=robot.with_gravity(
-            robot.gravity_in_base + np.cross([*TILT, 0.0], robot.gravity_in_base)
-        ),
-    )
-    return identify(
-        robot,
-        config,
-        [leaning.recording(1, noise=1.0)],
-        [leaning.recording(2, noise=1.0)],
-        IdentificationOptions(friction='coulomb', **options),
-        Stopwatch(),
-    )
-
-
-def test_a_tilt_is_found_and_used(make_arm: Callable, robot: Robot, config: ArmConfig) -> None:
-    found = tilted(make_arm, robot, config)
+def test_a_tilt_is_found_and_used(make_arm: Callable, robot: Robot) -> None:
+    level = robot.gravity_in_base
+    true = level + np.cross([*np.radians([0.8, -1.1]), 0.0], level)
+    leaning = replace(make_arm(rate=200.0), robot=robot.with_gravity(true))
+    bags = [leaning.recording(seed, noise=1.0) for seed in (1, 2)]
+    found, blind = identified(*bags), identified(*bags, tilt=False)
     gravity = found.gravity.used
-    true = robot.gravity_in_base + np.cross([*TILT, 0.0], robot.gravity_in_base)
     assert np.linalg.norm(np.cross(gravity, true)) < np.radians(0.2) * gravity @ gravity
     assert np.linalg.norm(gravity) == pytest.approx(np.linalg.norm(found.gravity.stated))
     assert np.array_equal(found.robot.gravity_in_base, gravity)
-    blind = tilted(make_arm, robot, config, tilt=False)
-    assert blind.gravity is None
+    assert blind.gravity.error is None
     assert found.recommended.validation[0].filtered < 0.8 * blind.recommended.validation[0].filtered
     # What slight tilts make of the rank is not the motion's merit.
     assert found.thesis_base.rank == blind.thesis_base.rank
     assert found.used_base.rank == blind.used_base.rank
 
 
-def test_a_level_base_stays_level(result) -> None:
-    assert result.gravity.tilt == 0.0
-    assert np.array_equal(result.robot.gravity_in_base, result.gravity.stated)
-    assert result.gravity.error > 0.95
-
-
 POSTURE = np.array([0.0, -0.3, 0.0, -1.8, 0.0, 1.6, 0.8])
 # No period fits these harmonics, so that only a low-pass can be used.
 HARMONICS = np.array([1.13, 2.29, 3.41, 4.17, 5.37])
 FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
-
-
-@pytest.fixture(scope='module')
-def panda() -> Robot:
-    urdf = next(f for f in files('example-robot-data') or () if f.name == 'panda.urdf')
-    return load_robot(Path(str(urdf.locate())), locked=FINGERS)
 
 
 def panda_recording(panda: Robot, fundamental: float, seconds: float, seed: int) -> Recording:
@@ -183,15 +134,21 @@ def panda_recording(panda: Robot, fundamental: float, seconds: float, seed: int)
     )
 
 
-def test_the_chosen_cutoff_predicts_faster_motion(panda: Robot) -> None:
+def test_the_chosen_cutoff_predicts_faster_motion(example_urdf: Callable[[str], Path]) -> None:
     """Noise of the velocities sets no band. Ten times a band of 65 Hz predicts 4 times worse."""
+    panda = load_robot(example_urdf('panda.urdf'), locked=FINGERS)
     slow, fast = panda_recording(panda, 0.05, 20.0, 1), panda_recording(panda, 0.2, 6.0, 2)
 
-    def run(cutoff: float | None) -> IdentificationResult:
-        options = IdentificationOptions(ConditioningOptions(cutoff=cutoff), friction='load')
-        return identify(panda, None, [slow], [fast], options, Stopwatch())
-
-    chosen, by_hand, high = run(None), run(3.0), run(10.0)
+    chosen, by_hand, high = (
+        identified(
+            slow,
+            fast,
+            robot=panda,
+            conditioning=ConditioningOptions(cutoff=cutoff),
+            friction='load',
+        )
+        for cutoff in (None, 3.0, 10.0)
+    )
     errors = [r.recommended.validation[0] for r in (chosen, by_hand, high)]
     assert chosen.conditioner.band < 0.5
     assert errors[0].filtered < 1.1 * errors[1].filtered

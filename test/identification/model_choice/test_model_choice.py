@@ -5,24 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from identified import identified
 
-from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
-from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.conditioning.uniform_motion import FOLDS
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
+    ArmParameters,
     JointModel,
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.model_choice.model_choice import (
+from aerarm_ros.identification.model_choice import (
     DISTANCES,
     FRICTION_MODELS,
     CrossValidation,
@@ -30,54 +27,34 @@ from aerarm_ros.identification.model_choice.model_choice import (
     choose_model,
     friction_terms,
 )
-from aerarm_ros.identification.regression.model_fit import RegressionBank
-from aerarm_ros.identification.regression.regression import SampleColumns
-from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.identification.model_fit import RegressionBank
 from aerarm_ros.ros.library.identification import IdentifiedModel
 
 
 @pytest.mark.parametrize('name', sorted(FRICTION_MODELS))
 def test_named_models_are_fitted_as_they_are(result: IdentificationResult, name: str) -> None:
-    fit, comparisons = choose_model(result.robot, result.identification, result.cad, name)
+    fit = choose_model(result.robot, result.identification, result.cad, name)
     assert fit.model.terms == (FRICTION_MODELS[name],) * 4
-    assert comparisons == []
 
 
-def test_dahl_friction_replaces_the_step_of_all_dry_friction() -> None:
-    terms = friction_terms('load+dahl')
-    dry = [term for term in terms if term.kind in (TermKind.COULOMB, TermKind.LOAD)]
-    assert {term.kind for term in dry} == {TermKind.COULOMB, TermKind.LOAD}
-    assert len(dry) == 2
+def test_models_are_combined_by_name_and_unknown_ones_refused() -> None:
+    """Dahl friction replaces the step of all dry friction."""
+    kinds = (TermKind.COULOMB, TermKind.LOAD)
+    dry = [term for term in friction_terms('load+dahl') if term.kind in kinds]
+    assert sorted(term.kind.value for term in dry) == ['fl', 'fs']
     assert all(term.distance > 0.0 for term in dry)
-
-
-@pytest.mark.parametrize('name', ['', 'wet', 'load+', 'load+wet'])
-def test_unknown_models_are_named(name: str) -> None:
-    with pytest.raises(IdentificationError, match='friction model'):
-        friction_terms(name)
+    for name in ('', 'wet', 'load+', 'load+wet'):
+        with pytest.raises(IdentificationError, match='friction model'):
+            friction_terms(name)
 
 
 START = (*THESIS_TERMS, ROTOR)
 
 
-def bank_of(arm, robot: Robot) -> RegressionBank:
-    recording = arm.recording(1, noise=1.0)
-    conditioner = Conditioner([recording], ConditioningOptions())
-    kinematics = conditioner.candidates()[0]
-    bag = SampleColumns(conditioner.condition(recording, kinematics), Regressor(robot))
-    return RegressionBank([bag], candidate_terms(), arm.inertial.ravel())
-
-
-def validation_of(bank: RegressionBank, cad: ArmParameters) -> CrossValidation:
-    return CrossValidation(
-        bank, cad.inertial.ravel(), 0.3 * cad.inertial_scale().ravel(), np.full(4, 100.0)
-    )
-
-
 def test_score_is_that_of_five_separate_fits(
-    make_arm: Callable, robot: Robot, cad: ArmParameters
+    columns_of: Callable, arm, robot: Robot, cad: ArmParameters
 ) -> None:
-    bank = bank_of(make_arm(), robot)
+    bank = RegressionBank([columns_of(arm, noise=1.0)], candidate_terms(), arm.inertial.ravel())
     model = JointModel.uniform(robot.joint_names, robot.link_names, START)
     expected = 0.0
     for fold in range(FOLDS):
@@ -87,25 +64,18 @@ def test_score_is_that_of_five_separate_fits(
         # The same prior: links about CAD, a coefficient's deviation explains all of the torque.
         norms = training.column_norms()
         links = cad.inertial.ravel()
-        shifted = [
-            np.linalg.norm(factor[:, -1] - factor[:, :40] @ links) for factor in training.factors
-        ]
-        std = np.concatenate(
-            [
-                0.3 * cad.inertial_scale().ravel(),
-                [
-                    shifted[joint] / norms[joint, index]
-                    for index, (joint, _) in enumerate(model.joint_columns, start=40)
-                ],
-            ]
-        )
+        shifted = [np.linalg.norm(own[:, -1] - own[:, :40] @ links) for own in training.factors]
+        terms = enumerate(model.joint_columns, start=40)
+        joints = [shifted[joint] / norms[joint, index] for index, (joint, _) in terms]
+        std = np.concatenate([0.3 * cad.inertial_scale().ravel(), joints])
         mean = np.concatenate([links, np.zeros(12)])
         rows = np.vstack([system.R, np.diag(1.0 / std)])
         right = np.concatenate([system.z, mean / std])
         theta = np.linalg.lstsq(rows, right, rcond=None)[0]
         theta[40:] = np.maximum(theta[40:], 0.0)
         expected += np.sum((100.0 * held_out.residual_norms(theta)) ** 2)
-    validation = validation_of(bank, cad)
+    spread = 0.3 * cad.inertial_scale().ravel()
+    validation = CrossValidation(bank, cad.inertial.ravel(), spread, np.full(4, 100.0))
     assert validation.score([START] * 4) == pytest.approx(expected, rel=1e-5)
     variants = [START, (*START, JointTerm(TermKind.OFFSET)), START[:2]]
     together = validation.score_variants([START] * 4, 2, variants)
@@ -113,9 +83,7 @@ def test_score_is_that_of_five_separate_fits(
     assert np.allclose(together, alone)
 
 
-def test_friction_that_builds_up_is_noticed_and_predicted(
-    make_arm: Callable, robot: Robot, config: ArmConfig
-) -> None:
+def test_friction_that_builds_up_is_noticed_and_predicted(make_arm: Callable, robot: Robot) -> None:
     """Joint 3 has dry friction that builds up over 20 mrad, the others have friction of a step."""
     arm = make_arm()
     bags = []
@@ -128,11 +96,7 @@ def test_friction_that_builds_up_is_noticed_and_predicted(
             tau[row, 2] += 0.5 * state
         bags.append(replace(bag, tau=tau))
 
-    def found(friction: str) -> IdentificationResult:
-        options = IdentificationOptions(friction=friction)
-        return identify(robot, config, bags[:1], bags[1:], options, Stopwatch())
-
-    chosen, step = found('auto'), found('coulomb')
+    chosen, step = (identified(*bags, friction=name) for name in ('auto', 'coulomb'))
     distances = [max(term.distance for term in own) for own in chosen.fit.model.terms]
     assert distances[2] in DISTANCES
     assert distances[2] >= 0.01
@@ -158,13 +122,12 @@ def test_friction_that_builds_up_is_noticed_and_predicted(
     ids=['stribeck', 'asymmetric', 'none'],
 )
 def test_friction_of_one_joint_is_noticed(
-    make_arm: Callable, robot: Robot, config: ArmConfig, extra: Callable, expected: set
+    make_arm: Callable, extra: Callable, expected: set
 ) -> None:
     bag = make_arm(rate=200.0).recording(1, noise=1.0)
     tau = bag.tau.copy()
     tau[:, 2] += extra(np.gradient(bag.q[:, 2], bag.time))
-    spoilt = [replace(bag, tau=tau)]
-    found = identify(robot, config, spoilt, [], IdentificationOptions(), Stopwatch())
+    found = identified(replace(bag, tau=tau), friction='auto')
     kinds = {term.kind for term in found.fit.model.terms[2]}
     assert kinds & expected or not expected
     optional = {TermKind.STRIBECK, TermKind.FORWARD, TermKind.BACKWARD, TermKind.CREEP}

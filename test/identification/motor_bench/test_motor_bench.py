@@ -8,11 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_rig import measure, swing
+from bench_rig import measure
 from motor_data import GRAVITY, INERTIA, acceleration, steps, swings
 
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.description.drive_config import JointConfig
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.bench_motion import BenchPlan
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
@@ -42,7 +41,7 @@ PLAN = BenchPlan(speeds=(1.0, 2.0), span=1.2, runs=1)
 LOADED_PLAN = BenchPlan(speeds=(1.0, 1.6), span=1.4, runs=1)  # joint 2 takes longer to get fast
 GRAVITY_PLAN = BenchPlan(speeds=(1.2, 2.0), span=1.2, runs=0)
 WORN = 0.015  # [rad] of play in each gear
-WOUND = (0.13, 0.12, 0.5, 0.19)  # [ohm] of the motors that report voltages, not as configured
+WOUND = 0.19  # [ohm] of the motors that report voltages, not as configured
 
 
 @pytest.fixture(scope='module')
@@ -53,10 +52,7 @@ def config() -> ArmConfig:
 @pytest.fixture(scope='module')
 def telling(config: ArmConfig) -> ArmConfig:
     """The same arm with boards that report voltages, its windings not as configured."""
-    joints = [
-        replace(joint, motor=replace(joint.motor, resistance=ohm))
-        for joint, ohm in zip(config.joints, WOUND, strict=True)
-    ]
+    joints = [replace(j, motor=replace(j.motor, resistance=WOUND)) for j in config.joints]
     return replace(config, joints=tuple(joints), profile='laas_power')
 
 
@@ -85,23 +81,16 @@ def check_drive(result: MotorResult, truth: PlantParameters, joint: int) -> None
     assert result.rotor_inertia_known
 
 
-def true_resistance(joint: JointConfig, seed: int | None, supply: MotorSupply) -> float:
-    """Return the resistance [ohm] as wound and warmed, weighted as least squares weights it."""
-    heat = EmulatedHeat.of_joint(joint, seed)
-    resistances = []
-    steps = np.diff(supply.time, prepend=supply.time[0])
+def check_resistance(result: MotorResult, heat: EmulatedHeat, supply: MotorSupply) -> None:
+    """As wound and warmed, weighted as least squares weights it; its deviation within 5 %."""
+    true, steps = [], np.diff(supply.time, prepend=supply.time[0])
     for current, speed, duration in zip(supply.current, supply.speed, steps, strict=True):
         heat.step(current**2, speed, duration)
-        resistances.append(heat.resistance)
-    return float(np.average(resistances, weights=supply.current**2))
-
-
-def check_resistance(result: MotorResult, true: float) -> None:
-    """Within four of the standard deviations that it states, and those within 5 %."""
+        true.append(heat.resistance)
     found = result.resistance
     assert found is not None
     assert found.source == VOLTAGE
-    assert abs(found.ohm - true) < 4.0 * found.std
+    assert abs(found.ohm - np.average(true, weights=supply.current**2)) < 4.0 * found.std
     assert found.std < 0.05 * found.ohm
 
 
@@ -113,24 +102,23 @@ def mounted(
     return measure(telling, robot, truth, 3, config.rest_position, PLAN)
 
 
-def test_a_mounted_joint(
+def test_a_mounted_joint_and_its_resistance_from_voltages(
     config: ArmConfig, telling: ArmConfig, robot: Robot, truth: PlantParameters, mounted: tuple
 ) -> None:
     bench = MotorBench(config, robot, config.rest_position)
     result = bench.evaluate(3, *mounted)
     check_drive(result, truth, 3)
-    check_resistance(result, true_resistance(telling.joints[3], truth.seed, mounted[1]))
+    check_resistance(result, EmulatedHeat.of_joint(telling.joints[3], truth.seed), mounted[1])
     assert bench.warnings == []
 
 
 def test_a_loaded_joint_and_a_rotor_behind_its_links(
-    config: ArmConfig, telling: ArmConfig, robot: Robot, truth: PlantParameters
+    config: ArmConfig, robot: Robot, truth: PlantParameters
 ) -> None:
     """Joint 2 lifts the arm: 5 Nm of gravity, seventeen times the rotor's inertia in links."""
-    runs, supply = measure(telling, robot, truth, 1, config.rest_position, LOADED_PLAN)
+    runs, _ = measure(config, robot, truth, 1, config.rest_position, LOADED_PLAN)
     bench = MotorBench(config, robot, config.rest_position)
-    result = bench.evaluate(1, runs, supply)
-    check_resistance(result, true_resistance(telling.joints[1], truth.seed, supply))
+    result = bench.evaluate(1, runs)
     true = measured_per_true(truth)[1]
     assert result.coulomb[0] == pytest.approx(true * truth.coulomb[1], rel=0.15)
     assert result.friction.load == pytest.approx(truth.load_friction[1], abs=0.005)
@@ -139,30 +127,16 @@ def test_a_loaded_joint_and_a_rotor_behind_its_links(
     assert warning.startswith('joint2: rotor inertia and load inertia are not separable')
 
 
-def test_a_bare_motor(config: ArmConfig, robot: Robot, truth: PlantParameters) -> None:
-    """Next to nothing on the shaft: what the thesis's bench has."""
-    nothing = 1e-4 * robot.inertial_parameters
-    light = robot.with_inertial_parameters(nothing)
-    bare = replace(truth, inertial_parameters=nothing)
-    runs, _ = measure(config, light, bare, 0, np.zeros(4), PLAN)
-    result = MotorBench(config, None, np.zeros(4)).evaluate(0, runs)
-    check_drive(result, bare, 0)
-    np.testing.assert_array_equal(result.friction.gravity, 0.0)
-
-
 def test_swings_measure_the_backlash_of_a_worn_gear(
     config: ArmConfig, robot: Robot, truth: PlantParameters
 ) -> None:
     """Joint 2 is the whole arm's: the play of the others' gears does not matter."""
-    worn = replace(truth, backlash=np.full(4, WORN))
-    run = swing(config, robot, worn, 1, config.rest_position, BenchPlan(swings=2))
-    of_links, of_rotor = 0.2398, config.joints[1].reflected_inertia  # as drawn
-    gravity = np.array([0.0, 5.08])  # as steps tell it of this arm
-    nothing = np.zeros(0)
+    worn, plan = replace(truth, backlash=np.full(4, WORN)), BenchPlan(swings=2)
+    runs, _ = measure(config, robot, worn, 1, config.rest_position, plan, swings_only=True)
+    links, rotor = 0.2398, config.joints[1].reflected_inertia  # as drawn
+    gravity, nothing = np.array([0.0, 5.08]), np.zeros(0)  # as steps tell it of this arm
     friction = MotorFriction(0.0, 0.1, 0.02, gravity, np.zeros((5, 5)), nothing, nothing)
-    found = fit_backlash(
-        [run], friction, (of_links, 0.2 * of_links), (of_rotor, 0.3 * of_rotor), 'joint2'
-    )
+    found = fit_backlash(runs, friction, (links, 0.2 * links), (rotor, 0.3 * rotor), 'joint2')
     assert found[0] == pytest.approx(WORN, rel=0.1)
     assert is_significant(found)
 
@@ -223,12 +197,13 @@ def test_a_mass_without_a_lever_is_no_error(config: ArmConfig, robot: Robot) -> 
 
 def test_impossible_uses_of_a_known_mass(config: ArmConfig, robot: Robot) -> None:
     posture = np.array(config.rest_position)
-    with pytest.raises(IdentificationError, match='needs a run without it'):
-        MotorBench(config, robot, posture, KnownMass(0.3, (0.1, 0.0, 0.0)))
-    with pytest.raises(IdentificationError, match='choose the same posture'):
-        MotorBench(config, robot, posture, KnownMass(0.3), Earlier({}, posture + 0.1))
-    with pytest.raises(IdentificationError, match='needs its lever'):
-        MotorBench(config, None, posture, KnownMass(0.3))
+    for arm, earlier, words in (
+        (robot, None, 'needs a run without it'),
+        (robot, Earlier({}, posture + 0.1), 'choose the same posture'),
+        (None, None, 'needs its lever'),
+    ):
+        with pytest.raises(IdentificationError, match=words):
+            MotorBench(config, arm, posture, KnownMass(0.3), earlier)
 
 
 def test_inertia_under_gravity_and_friction() -> None:
@@ -239,14 +214,11 @@ def test_inertia_under_gravity_and_friction() -> None:
 
 
 def test_runs_that_tell_nothing_are_named() -> None:
-    friction = fit_motor_friction(steps(), mounted=True, name='j')
-    with pytest.raises(IdentificationError, match='elbow: the acceleration runs are shorter'):
-        fit_inertia([], friction, 'elbow')
-    run = acceleration()  # ddq = -pi^2 q
-    with pytest.raises(IdentificationError, match='elbow: the measured inertia'):
-        fit_inertia(
-            [replace(run, tau=run.tau + 2.0 * INERTIA * np.pi**2 * run.q)], friction, 'elbow'
-        )
+    friction, run = fit_motor_friction(steps(), mounted=True, name='j'), acceleration()
+    backwards = replace(run, tau=run.tau + 2.0 * INERTIA * np.pi**2 * run.q)  # ddq = -pi^2 q
+    for runs, words in (([], 'acceleration runs are shorter'), ([backwards], 'measured inertia')):
+        with pytest.raises(IdentificationError, match=f'elbow: the {words}'):
+            fit_inertia(runs, friction, 'elbow')
 
 
 MASS = np.array([0.3, 1.5])  # what it adds to a and b [Nm]
@@ -262,20 +234,14 @@ def test_true_over_stated_constant() -> None:
     ratio, std = fit_torque_constant(friction_with(MASS / 1.04), GRAVITY, MASS, 'j')
     assert ratio == pytest.approx(1.04, abs=4.0 * std + 2e-3)
     assert 0.0 < std < 0.01
-
-
-def test_bare_motor_needs_no_angle_of_the_lever() -> None:
+    # A bare motor needs no angle of the lever.
     friction = fit_motor_friction(steps(noise=0.05, gravity=MASS / 0.97), mounted=True, name='j')
     ratio, _ = fit_torque_constant(friction, None, float(np.linalg.norm(MASS)), 'j')
     assert ratio == pytest.approx(0.97, rel=5e-3)
-
-
-def test_unmeasurable_torque_constants_raise_an_error() -> None:
-    friction = friction_with(np.zeros(2))
-    with pytest.raises(IdentificationError, match='elbow: the known mass causes at most 0 Nm'):
-        fit_torque_constant(friction, GRAVITY, np.zeros(2), 'elbow')
-    with pytest.raises(IdentificationError, match='adds .* Nm instead of the expected 1.53 Nm'):
-        fit_torque_constant(friction, GRAVITY, MASS, 'elbow')
+    nothing = friction_with(np.zeros(2))
+    for mass, words in ((0.0 * MASS, 'causes at most 0 Nm'), (MASS, 'adds .* expected 1.53 Nm')):
+        with pytest.raises(IdentificationError, match=f'elbow: the known mass {words}'):
+            fit_torque_constant(nothing, GRAVITY, mass, 'elbow')
 
 
 DYNAMICS = Dynamics(load_robot())

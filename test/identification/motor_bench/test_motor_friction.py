@@ -54,17 +54,18 @@ def test_without_gravity_the_load_stays_at_its_prior() -> None:
     assert friction.coulomb == pytest.approx(COULOMB, abs=0.005)
 
 
-def test_faulty_runs_are_named() -> None:
-    with pytest.raises(IdentificationError, match='elbow: only 0 intervals'):
-        fit_motor_friction([], mounted=True, name='elbow')
-    with pytest.raises(IdentificationError, match='the same direction'):
-        fit_motor_friction([step(0.3), step(0.5)], mounted=False, name='elbow')
-    stuck = [replace(run, dq=0.0 * run.dq) for run in steps()]
-    with pytest.raises(IdentificationError, match='does not reach 0.2 rad/s'):
-        fit_motor_friction(stuck, mounted=False, name='elbow')
-    backwards = [replace(run, tau=-run.tau) for run in steps(**BARE)]
-    with pytest.raises(IdentificationError, match='sign of the motor'):
-        fit_motor_friction(backwards, mounted=False, name='elbow')
+@pytest.mark.parametrize(
+    ('runs', 'words'),
+    [
+        ([], 'elbow: only 0 intervals'),
+        ([step(0.3), step(0.5)], 'the same direction'),
+        ([replace(run, dq=0.0 * run.dq) for run in steps()], 'does not reach 0.2 rad/s'),
+        ([replace(run, tau=-run.tau) for run in steps(**BARE)], 'sign of the motor'),
+    ],
+)
+def test_faulty_runs_are_named(runs: list[MotorRun], words: str) -> None:
+    with pytest.raises(IdentificationError, match=words):
+        fit_motor_friction(runs, mounted=False, name='elbow')
 
 
 OHM, BACK_EMF = 0.15, 0.0145  # [ohm], [V s/rad]
@@ -83,30 +84,21 @@ def supply(scale: float = 1.0) -> MotorSupply:
     return MotorSupply(time, measured, speed, 1.5 * voltage * measured)
 
 
-def test_power_current_and_speed_tell_it() -> None:
+def test_voltages_tell_the_resistance_and_else_the_board() -> None:
+    """Among currents no larger than their noise a fit is biased: there is none."""
     found = find_resistance(supply(), 0.1)
     assert found is not None
     assert found.source == VOLTAGE
-    assert abs(found.ohm - OHM) < 4.0 * found.std
-    assert found.std < 0.02 * OHM
-
-
-def test_without_voltages_the_resistance_is_that_of_the_board() -> None:
+    assert abs(found.ohm - OHM) < 4.0 * found.std < 0.08 * OHM
     stated = MotorSupply(NOTHING, NOTHING, NOTHING, NOTHING, reported=0.5)
-    assert find_resistance(stated, 0.25) == MotorResistance(0.5, 0.125, BOARD)
-    assert find_resistance(replace(stated, reported=np.nan), 0.25) is None
-    assert find_resistance(stated, 0.4) is None  # nobody trusts it
-
-
-def test_currents_that_tell_nothing_are_no_measurement() -> None:
-    """Among currents no larger than their noise a fit is biased: there is none."""
-    assert find_resistance(supply(0.05), 0.1) is None
-    moved = supply()
-    one_speed = replace(moved, speed=moved.current)  # no telling the two apart
-    assert find_resistance(one_speed, 0.1) is None
-    random = np.random.default_rng(1)
+    moved, random = supply(), np.random.default_rng(1)
     noise = replace(moved, power=random.standard_normal(len(moved.time)), reported=0.5)
-    assert find_resistance(noise, 0.25) == MotorResistance(0.5, 0.125, BOARD)
+    for measured in (stated, noise):
+        assert find_resistance(measured, 0.25) == MotorResistance(0.5, 0.125, BOARD)
+    one_speed = replace(moved, speed=moved.current)  # no telling the two apart
+    for measured in (replace(stated, reported=np.nan), supply(0.05), one_speed):
+        assert find_resistance(measured, 0.1) is None
+    assert find_resistance(stated, 0.4) is None  # nobody trusts it
 
 
 # As of `swings`.
@@ -129,18 +121,9 @@ def test_the_backlash_is_estimated_within_a_tenth() -> None:
     assert value == pytest.approx(0.02, rel=0.1)
     assert abs(value - 0.02) < 3.0 * std < 0.008
     assert not is_largest((value, std))
-
-
-def test_a_gear_without_backlash_yields_none() -> None:
-    value, std = found(swings(0.0))
-    assert not is_significant((value, std))
-    assert value + 3.0 * std < 3e-3
-
-
-def test_a_backlash_above_the_search_range_is_reported() -> None:
+    none = found(swings(0.0))
+    assert not is_significant(none)
+    assert none[0] + 3.0 * none[1] < 3e-3
     assert is_largest(found(swings(0.14, seconds=1.2)))
-
-
-def test_swings_that_are_too_short_are_refused() -> None:
     with pytest.raises(IdentificationError, match='joint: the oscillations are shorter than 0.5 s'):
         found(swings(0.02, seconds=0.4))

@@ -27,18 +27,6 @@ DQ = np.linspace(-1.0, 1.0, 41)
 DDQ = np.cos(DQ)
 
 
-def test_thesis_terms_are_friction_2_6() -> None:
-    viscous, coulomb = (term.basis(DQ, DDQ, None) for term in THESIS_TERMS)
-    assert np.allclose(0.2 * viscous + 0.3 * coulomb, viscous_coulomb(DQ, 0.2, 0.3))
-
-
-def test_load_scales_dry_friction_and_is_required() -> None:
-    load = np.abs(np.sin(3 * DQ))
-    assert np.allclose(JointTerm(TermKind.LOAD).basis(DQ, DDQ, load), load * np.sign(DQ))
-    with pytest.raises(ValueError, match='needs the argument'):
-        JointTerm(TermKind.LOAD).basis(DQ, DDQ, None)
-
-
 @pytest.mark.parametrize('kind', list(TermKind))
 def test_friction_dissipates(kind: TermKind) -> None:
     """Friction opposes motion: power dq * tau is never negative."""
@@ -50,15 +38,19 @@ def test_friction_dissipates(kind: TermKind) -> None:
     assert term.meaning
 
 
-def test_asymmetric_friction_acts_in_one_direction() -> None:
-    """Both parts together are Coulomb friction."""
-    forward, backward, both = (
-        JointTerm(kind, 0.05).basis(DQ, DDQ, None)
-        for kind in (TermKind.FORWARD, TermKind.BACKWARD, TermKind.COULOMB)
-    )
+def test_terms_are_friction_2_6_and_its_parts() -> None:
+    """Friction in either direction together is Coulomb friction; load scales dry friction."""
+    viscous, coulomb = (term.basis(DQ, DDQ, None) for term in THESIS_TERMS)
+    assert np.allclose(0.2 * viscous + 0.3 * coulomb, viscous_coulomb(DQ, 0.2, 0.3))
+    kinds = (TermKind.FORWARD, TermKind.BACKWARD, TermKind.COULOMB)
+    forward, backward, both = (JointTerm(kind, 0.05).basis(DQ, DDQ, None) for kind in kinds)
     assert np.array_equal(forward + backward, both)
     assert np.all(forward[DQ < 0.0] == 0.0)
     assert np.all(backward[DQ > 0.0] == 0.0)
+    load = np.abs(np.sin(3 * DQ))
+    assert np.allclose(JointTerm(TermKind.LOAD).basis(DQ, DDQ, load), load * np.sign(DQ))
+    with pytest.raises(ValueError, match='needs the argument'):
+        JointTerm(TermKind.LOAD).basis(DQ, DDQ, None)
 
 
 T = np.arange(0.0, 8.0, 1e-3)

@@ -30,16 +30,14 @@ def changed(states, field: str, rows: slice, columns: object, value: float):
     return replace(states, **{field: values})
 
 
+def recorded(states, mapping: JointMapping = AS_IS, joints: tuple[str, ...] = JOINTS):
+    return recording_from_states('bag', states, joints, mapping)
+
+
 def test_joints_are_ordered_by_name(states) -> None:
     order = [2, 0, 3, 1]
-    shuffled = replace(
-        states,
-        names=tuple(JOINTS[i] for i in order),
-        position=states.position[:, order],
-        velocity=states.velocity[:, order],
-        effort=states.effort[:, order],
-    )
-    recording = recording_from_states('bag', shuffled, JOINTS, AS_IS)
+    arrays = {f: getattr(states, f)[:, order] for f in ('position', 'velocity', 'effort')}
+    recording = recorded(replace(states, names=tuple(JOINTS[i] for i in order), **arrays))
     rows = np.searchsorted(states.stamp, recording.start + recording.time)
     assert np.array_equal(recording.q, states.position[rows])
     assert np.array_equal(recording.tau, states.effort[rows])
@@ -47,78 +45,63 @@ def test_joints_are_ordered_by_name(states) -> None:
 
 
 def test_renaming_ignoring_and_gains(states) -> None:
-    more = replace(
-        states,
-        names=('a1', 'joint2', 'joint3', 'joint4', 'gripper'),
-        position=np.pad(states.position, ((0, 0), (0, 1))),
-        velocity=np.pad(states.velocity, ((0, 0), (0, 1))),
-        effort=np.pad(states.effort, ((0, 0), (0, 1))),
-    )
-    mapping = JointMapping({'a1': 'joint1'}, ('gripper',), effort_gain={'joint2': 0.5})
-    recording = recording_from_states('bag', more, JOINTS, mapping)
+    arrays = {
+        f: np.pad(getattr(states, f), ((0, 0), (0, 1))) for f in ('position', 'velocity', 'effort')
+    }
+    more = replace(states, names=('a1', 'joint2', 'joint3', 'joint4', 'gripper'), **arrays)
+    named = {'a1': 'joint1'}
+    recording = recorded(more, JointMapping(named, ('gripper',), effort_gain={'joint2': 0.5}))
     rows = np.searchsorted(states.stamp, recording.start + recording.time)
     assert np.array_equal(recording.q, states.position[rows])
     assert np.array_equal(recording.tau[:, 1], 0.5 * states.effort[rows, 1])
-    with pytest.raises(IdentificationError, match='gripper of .* are missing from the URDF'):
-        recording_from_states('bag', more, JOINTS, JointMapping({'a1': 'joint1'}))
-    with pytest.raises(IdentificationError, match='joint1 of the URDF are not in'):
-        recording_from_states('bag', more, JOINTS, JointMapping({}, ('gripper',)))
-    with pytest.raises(IdentificationError, match=r'joint b \(--ignore\) is not in .*joint1'):
-        recording_from_states('bag', more, JOINTS, JointMapping({'a1': 'joint1'}, ('gripper', 'b')))
-    with pytest.raises(IdentificationError, match='called joint2 after renaming'):
-        recording_from_states(
-            'bag', more, JOINTS, JointMapping({'a1': 'joint1', 'gripper': 'joint2'})
-        )
-    with pytest.raises(IdentificationError, match=r'joint b \(--rename\) is not in'):
-        recording_from_states('bag', more, JOINTS, JointMapping({'b': 'joint1'}))
+    for mapping, words in (
+        (JointMapping(named), 'gripper of .* are missing from the URDF'),
+        (JointMapping({}, ('gripper',)), 'joint1 of the URDF are not in'),
+        (JointMapping(named, ('gripper', 'b')), r'joint b \(--ignore\) is not in .*joint1'),
+        (JointMapping({**named, 'gripper': 'joint2'}), 'called joint2 after renaming'),
+        (JointMapping({'b': 'joint1'}), r'joint b \(--rename\) is not in'),
+    ):
+        with pytest.raises(IdentificationError, match=words):
+            recorded(more, mapping)
+    prefixed = replace(states, names=tuple(f'left_{name}' for name in states.names))
+    assert recorded(prefixed, JointMapping({}, prefix='left_')).joint_names == JOINTS
+    with pytest.raises(IdentificationError, match='not in .*, which has left_joint1.*--tf-pre'):
+        recorded(prefixed)
 
 
-def test_missing_or_zero_velocities_are_derived_later(states) -> None:
-    for value in (np.nan, 0.0):
-        without = changed(states, 'velocity', slice(None), slice(None), value)
-        recording = recording_from_states('bag', without, JOINTS, AS_IS)
-        assert recording.dq is None
-        assert 'differentiated' in recording.warnings[0]
+ALL = slice(None)
 
 
 @pytest.mark.parametrize(
     ('field', 'rows', 'columns', 'value', 'text'),
     [
-        (
-            'effort',
-            slice(100, 103),
-            2,
-            np.nan,
-            r'effort of joints joint3 in bag is NaN .* in 3 of ',
-        ),
-        ('effort', slice(None), slice(None), np.nan, 'no effort of joints joint1, joint2'),
-        ('effort', slice(None), slice(None), 0.0, 'effort of every joint in .* is constant'),
+        ('effort', slice(100, 103), 2, np.nan, 'effort of joints joint3 in bag is NaN .* in 3 of '),
+        ('effort', ALL, ALL, np.nan, 'no effort of joints joint1, joint2'),
+        ('effort', ALL, ALL, 0.0, 'effort of every joint in .* is constant'),
         ('position', slice(500, 506), 0, np.inf, 'position of joints joint1'),
-        (
-            'effort',
-            slice(500, 506),
-            1,
-            1e308,
-            r'effort of joints joint2 in bag reaches 1e\+308 in 6 of',
-        ),
-        ('position', slice(None), slice(None), 1.0, 'no joint moves'),
+        ('effort', slice(500, 506), 1, 1e308, r'joint2 in bag reaches 1e\+308 in 6 of'),
+        ('position', ALL, ALL, 1.0, 'no joint moves'),
     ],
 )
 def test_useless_data_is_refused(states, field, rows, columns, value, text) -> None:
     with pytest.raises(IdentificationError, match=text):
-        recording_from_states('bag', changed(states, field, rows, columns, value), JOINTS, AS_IS)
+        recorded(changed(states, field, rows, columns, value))
 
 
-def test_single_faulty_joints_are_named(states) -> None:
-    dead = changed(states, 'effort', slice(None), 3, 0.7)
-    recording = recording_from_states('bag', dead, JOINTS, AS_IS)
-    assert recording.dead_effort.tolist() == [False, False, False, True]
-    assert recording.warnings == (
-        'bag: joint joint4 has a constant effort, so its torque is ignored',
-    )
-    still = changed(states, 'position', slice(None), 1, 0.2)
-    recording = recording_from_states('bag', still, JOINTS, AS_IS)
-    assert 'joint joint2 does not move' in recording.warnings[0]
+@pytest.mark.parametrize(
+    ('field', 'column', 'value', 'words'),
+    [
+        ('velocity', ALL, np.nan, 'positions are differentiated instead'),
+        ('velocity', ALL, 0.0, 'positions are differentiated instead'),
+        ('effort', 3, 0.7, 'bag: joint joint4 has a constant effort, so its torque is ignored'),
+        ('position', 1, 0.2, 'joint joint2 does not move'),
+    ],
+)
+def test_faulty_signals_are_named_and_replaced(states, field, column, value, words) -> None:
+    recording = recorded(changed(states, field, ALL, column, value))
+    assert words in recording.warnings[0]
+    assert (recording.dq is None) == (field == 'velocity')
+    assert recording.dead_effort.tolist() == [False, False, False, field == 'effort']
 
 
 def test_standstill_at_both_ends_and_its_defects_are_ignored(states) -> None:
@@ -126,7 +109,7 @@ def test_standstill_at_both_ends_and_its_defects_are_ignored(states) -> None:
     early = states.stamp.copy()
     early[:40] -= 0.337
     idle = changed(replace(states, stamp=early), 'effort', slice(0, 30), 1, np.nan)
-    recording = recording_from_states('bag', idle, JOINTS, AS_IS)
+    recording = recorded(idle)
     assert recording.span is not None
     assert recording.span.reason == 'motion'
     assert recording.span.first == pytest.approx(recording.time[0])
@@ -139,22 +122,18 @@ def test_a_locked_joint_rests(states) -> None:
     mapping = JointMapping({}, locked=('joint4',))
     text = r'joint4 is locked \(--lock\) but moves by [\d.]+ rad in bag: remove --lock joint4'
     with pytest.raises(IdentificationError, match=text):
-        recording_from_states('bag', states, JOINTS[:3], mapping)
+        recorded(states, mapping, JOINTS[:3])
     held = changed(states, 'position', slice(None), 3, 0.2)
-    assert recording_from_states('bag', held, JOINTS[:3], mapping).q.shape[1] == 3
+    assert recorded(held, mapping, JOINTS[:3]).q.shape[1] == 3
 
 
 @pytest.mark.parametrize(
-    ('facts', 'states', 'said'),
-    [
-        (BagFacts('', 0, 1207), 25_032, 'bag: 4.6 % of the cycles were missed, '),
-        (BagFacts('', 100, 11), 889, 'bag: 1.1 % of the cycles were missed, '),
-        (BagFacts('', None, 11), 989, 'bag: 1.1 % of the cycles were missed, '),
-    ],
+    ('lost', 'missed', 'states', 'share'),
+    [(0, 1207, 25_032, '4.6'), (100, 11, 889, '1.1'), (None, 11, 989, '1.1')],
 )
-def test_many_missed_cycles_are_warned_of(facts: BagFacts, states: int, said: str) -> None:
-    (warning,) = facts.warnings('bag', states)
-    assert warning.startswith(said)
+def test_many_missed_cycles_are_warned_of(lost, missed: int, states: int, share: str) -> None:
+    (warning,) = BagFacts('', lost, missed).warnings('bag', states)
+    assert warning.startswith(f'bag: {share} % of the cycles were missed, ')
     assert 'config/parameters_spi.yaml' in warning
 
 
@@ -199,12 +178,4 @@ def test_rest_before_and_after_a_motion_is_left_out() -> None:
 def test_too_few_messages(states) -> None:
     few = {f: getattr(states, f)[:9] for f in ('stamp', 'position', 'velocity', 'effort')}
     with pytest.raises(IdentificationError, match='only 9 joint states, too few'):
-        recording_from_states('bag', replace(states, **few), JOINTS, AS_IS)
-
-
-def test_a_prefix_is_taken_off(states) -> None:
-    prefixed = replace(states, names=tuple(f'left_{name}' for name in states.names))
-    recording = recording_from_states('bag', prefixed, JOINTS, JointMapping({}, prefix='left_'))
-    assert recording.joint_names == JOINTS
-    with pytest.raises(IdentificationError, match='not in .*, which has left_joint1.*--tf-pre'):
-        recording_from_states('bag', prefixed, JOINTS, AS_IS)
+        recorded(replace(states, **few))

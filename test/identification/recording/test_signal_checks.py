@@ -4,11 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from identified import identified
 
-from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
 from aerarm_ros.identification.recording.signal_checks import (
     check_stamp_unit,
@@ -18,7 +17,8 @@ from aerarm_ros.identification.recording.signal_checks import (
     without_spikes,
 )
 
-STAMP = 100.0 + 1e-3 * np.arange(5000)
+INDEX = np.arange(5000)
+STAMP = 100.0 + 1e-3 * INDEX
 
 
 @pytest.mark.parametrize(
@@ -40,47 +40,30 @@ def test_small_disorder_of_stamps_is_repaired(change: Callable, lost: int, words
     assert np.all(np.diff(stamp[kept]) > 0.0)
 
 
-def broken(kind: str) -> np.ndarray:
-    stamp = STAMP.copy()
-    if kind == 'constant':
-        stamp[:] = 3.0
-    elif kind == 'repeated':
-        stamp[1000:1200] = stamp[1000]
-    elif kind == 'backwards':
-        stamp[2500:] -= 1.0
-    elif kind == 'jump':
-        stamp[2500:] += 5.0
-    else:
-        stamp[10] = np.nan
-    return stamp
-
-
 @pytest.mark.parametrize(
-    ('kind', 'text'),
+    ('change', 'text'),
     [
-        ('constant', 'same stamp'),
-        ('repeated', '199 of 5000 stamps of bag repeat an earlier'),
-        ('backwards', 'repeat an earlier|jump back'),
-        ('jump', r'bag has no joint states for 5.001 s at 2.50 s of the bag, because the recorder'),
-        ('nan', 'not finite'),
+        (lambda s: np.full_like(s, 3.0), 'same stamp'),
+        (
+            lambda s: np.where(np.abs(INDEX - 1100) < 100, s[1001], s),
+            '198 of 5000 stamps of bag re',
+        ),
+        (lambda s: s - (INDEX >= 2500), 'repeat an earlier|jump back'),
+        (lambda s: s - 0.0504 * (INDEX >= 4800), 'jump back'),  # by less than a gap
+        (lambda s: s + 5.0 * (INDEX >= 2500), 'bag has no joint states for 5.001 s at 2.50 s of'),
+        (lambda s: np.where(INDEX == 10, np.nan, s), 'not finite'),
     ],
+    ids=['constant', 'repeated', 'backwards', 'set back', 'jump', 'nan'],
 )
-def test_faults_are_refused_with_advice(kind: str, text: str) -> None:
+def test_faults_are_refused_with_advice(change: Callable, text: str) -> None:
     with pytest.raises(IdentificationError, match=text) as caught:
-        usable_messages('bag', broken(kind))
+        usable_messages('bag', change(STAMP))
     assert 'record again' in str(caught.value)
 
 
 def test_a_gap_is_placed_in_the_bag_and_in_the_used_part() -> None:
     with pytest.raises(IdentificationError, match=r'at 12.50 s of the bag \(2.50 s of the used'):
-        usable_messages('bag', broken('jump'), begin=90.0)
-
-
-def test_a_clock_set_back_by_less_than_a_gap_is_refused() -> None:
-    stamp = 1e-3 * np.arange(20_000)
-    stamp[9_000:] -= 0.0504
-    with pytest.raises(IdentificationError, match='jump back'):
-        usable_messages('bag', stamp)
+        usable_messages('bag', STAMP + 5.0 * (INDEX >= 2500), begin=90.0)
 
 
 def test_stamps_that_are_no_seconds() -> None:
@@ -94,19 +77,13 @@ def test_stamps_that_are_no_seconds() -> None:
 T = np.arange(0.0, 20.0, 0.01)
 Q = np.column_stack([np.sin(T), 0.3 * np.cos(2.1 * T)])
 DQ = np.column_stack([np.cos(T), -0.63 * np.sin(2.1 * T)])
+NOISE = np.random.default_rng(0).standard_normal(DQ.shape)
 JOINTS = ('a', 'b')
 
 
-def test_a_motion_in_rad_is_fine_with_noise_and_a_filter() -> None:
-    noise = 0.1 * np.random.default_rng(0).standard_normal(DQ.shape)
-    check_units('bag', JOINTS, T, Q, DQ + noise)
-    check_units('bag', JOINTS, T, Q, 0.8 * DQ)
-    check_units('bag', JOINTS, T, Q, None)
-
-
-def test_a_velocity_that_is_something_else_is_not_judged() -> None:
-    check_units('bag', JOINTS, T, Q, 30.0 * np.random.default_rng(0).standard_normal(DQ.shape))
-    check_units('bag', JOINTS, T, Q, np.zeros_like(DQ))
+@pytest.mark.parametrize('dq', [DQ + 0.1 * NOISE, 0.8 * DQ, None, 30.0 * NOISE, np.zeros_like(DQ)])
+def test_units_are_not_judged_by_noise_and_filters(dq: np.ndarray | None) -> None:
+    check_units('bag', JOINTS, T, Q, dq)
 
 
 @pytest.mark.parametrize(
@@ -135,16 +112,11 @@ def noisy_torque() -> np.ndarray:
     return 3.0 * np.sin(TIME) + np.sign(np.cos(TIME)) + 0.1 * random.standard_normal(TIME.shape)
 
 
-def test_sound_efforts_stay_as_they_are() -> None:
-    tau = noisy_torque()
-    same, told = without_spikes('bag', ELBOW, tau)
-    assert same is tau
-    assert saturated_effort('bag', ELBOW, ANGLE, tau) == (None, [])
-    assert told == []
-
-
-def test_spikes_are_bridged() -> None:
+def test_spikes_are_bridged_and_sound_efforts_stay_as_they_are() -> None:
     sound = noisy_torque()
+    same, told = without_spikes('bag', ELBOW, sound)
+    assert same is sound
+    assert told == []
     tau = sound.copy()
     tau[[500, 501, 7000], 0] = [80.0, 90.0, -70.0]
     bridged, (text,) = without_spikes('bag', ELBOW, tau)
@@ -153,29 +125,18 @@ def test_spikes_are_bridged() -> None:
     assert np.abs(bridged - sound).max() < 1.0
 
 
-def test_an_effort_held_at_its_limit_is_saturated() -> None:
-    tau = np.clip(noisy_torque(), -10.0, 3.0)
+def test_an_effort_held_at_its_limit_while_the_joint_moves_is_saturated() -> None:
+    sound = noisy_torque()
+    tau = np.clip(sound, -10.0, 3.0)
     mask, (text,) = saturated_effort('bag', ELBOW, ANGLE, tau)
     assert 'elbow is saturated' in text
     assert mask is not None
     assert np.all(tau[mask] == 3.0)
     assert mask.sum() > 0.8 * (tau == 3.0).sum()
-
-
-def test_an_effort_that_rests_with_its_joint_is_not() -> None:
-    q, tau = ANGLE.copy(), noisy_torque()
-    q[:2000], tau[:2000] = q[2000], 5.0
-    assert saturated_effort('bag', ELBOW, q, tau) == (None, [])
-
-
-def spoiled(arm, config: ArmConfig, spoil: Callable) -> IdentificationResult:
-    states = arm.states(1, noise=1.0)
-    spoil(states.effort[:, 1])
-    names = arm.robot.joint_names
-    bag = recording_from_states('bag', states, names, JointMapping({}))
-    other = arm.recording(2, noise=1.0)
-    options = IdentificationOptions(friction='coulomb')
-    return identify(arm.robot, config, [bag], [other], options, Stopwatch())
+    q, resting = ANGLE.copy(), sound.copy()
+    q[:2000], resting[:2000] = q[2000], 5.0
+    for angle, effort in ((ANGLE, sound), (q, resting)):
+        assert saturated_effort('bag', ELBOW, angle, effort) == (None, [])
 
 
 def add_spikes(tau: np.ndarray) -> None:
@@ -188,9 +149,12 @@ def clip(tau: np.ndarray) -> None:
 
 @pytest.mark.parametrize(('spoil', 'words'), [(add_spikes, '20 spikes'), (clip, 'saturated')])
 def test_another_motion_is_predicted_as_if_efforts_were_sound(
-    arm, config: ArmConfig, result: IdentificationResult, spoil: Callable, words: str
+    arm, result: IdentificationResult, spoil: Callable, words: str
 ) -> None:
-    found = spoiled(arm, config, spoil)
+    states = arm.states(1, noise=1.0)
+    spoil(states.effort[:, 1])
+    bag = recording_from_states('bag', states, states.names, JointMapping({}))
+    found = identified(bag, arm.recording(2, noise=1.0))
     sound, spoilt = (r.recommended.validation[0].filtered for r in (result, found))
     assert spoilt < 1.3 * sound
     assert any(words in text and 'joint2' in text for text in found.warnings)

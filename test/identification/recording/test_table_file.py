@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.recording.table_file import TableOptions, read_table
+from aerarm_ros.identification.recording.table_file import TableOptions, TableStates, read_table
 
 JOINTS = ('shoulder_pan', 'elbow')
 T = np.arange(0.0, 1.0, 0.01)
@@ -45,13 +45,7 @@ def test_columns_are_known_by_their_names(tmp_path: Path, header: str, delimiter
     path = csv(tmp_path / 'a.csv', header, T, Q, DQ, TAU, delimiter=delimiter)
     states = read_table(path, JOINTS)
     assert states.names == JOINTS
-    for found, true in (
-        (states.stamp, T),
-        (states.position, Q),
-        (states.velocity, DQ),
-        (states.effort, TAU),
-    ):
-        np.testing.assert_allclose(found, true, atol=1e-15)
+    check(states)
 
 
 def test_the_columns_show_from_where_they_are_numbered(tmp_path: Path) -> None:
@@ -75,28 +69,29 @@ def test_the_columns_show_from_where_they_are_numbered(tmp_path: Path) -> None:
     np.testing.assert_array_equal(states.effort, TAU)
 
 
-@pytest.mark.parametrize(('unit', 'degrees'), [('', True), (' [deg]', False)])
-def test_degrees_become_radians(tmp_path: Path, unit: str, degrees: bool) -> None:
+def check(states: TableStates) -> None:
+    found = (states.stamp, states.position, states.velocity, states.effort)
+    for values, true in zip(found, (T, Q, DQ, TAU), strict=True):
+        np.testing.assert_allclose(values, true, atol=1e-15)
+
+
+@pytest.mark.parametrize('degrees', [True, False])
+def test_units_become_si(tmp_path: Path, degrees: bool) -> None:
+    """Of a column or an array that states its unit, --degrees says nothing."""
+    unit = '' if degrees else ' [deg]'
+    path, options = tmp_path / 'a.csv', TableOptions(degrees=degrees)
     header = f'time,q1{unit},q2{unit},dq1{unit},dq2{unit},tau1,tau2'
-    path = csv(tmp_path / 'a.csv', header, T, np.degrees(Q), np.degrees(DQ), TAU)
-    states = read_table(path, JOINTS, TableOptions(degrees=degrees))
-    np.testing.assert_allclose(states.position, Q)
-    np.testing.assert_allclose(states.velocity, DQ)
-    np.testing.assert_allclose(states.effort, TAU)
-
-
-def test_stated_units_are_used(tmp_path: Path) -> None:
+    check(read_table(csv(path, header, T, np.degrees(Q), np.degrees(DQ), TAU), JOINTS, options))
     header = 'time [ms],q1 [mrad],q2 (°),dq1 [rpm],dq2 [degrees/s],tau1 [mNm],tau2 [N m]'
     scaled = (1e3 * T, 1e3 * Q[:, 0], np.degrees(Q[:, 1]), 30.0 / np.pi * DQ[:, 0])
     columns = (*scaled, np.degrees(DQ[:, 1]), 1e3 * TAU[:, 0], TAU[:, 1])
-    path = csv(tmp_path / 'a.csv', header, *columns)
-    # Of a column that states its unit --degrees says nothing.
-    for options in (TableOptions(), TableOptions(degrees=True)):
-        states = read_table(path, JOINTS, options)
-        np.testing.assert_allclose(states.stamp, T, atol=1e-15)
-        np.testing.assert_allclose(states.position, Q, atol=1e-15)
-        np.testing.assert_allclose(states.velocity, DQ, atol=1e-15)
-        np.testing.assert_allclose(states.effort, TAU, atol=1e-15)
+    check(read_table(csv(path, header, *columns), JOINTS, options))
+    arrays = {'time': T, 'q': np.degrees(Q), 'dq': np.degrees(DQ), 'tau': TAU}
+    np.savez(tmp_path / 'a.npz', **arrays, unit='deg')
+    check(read_table(tmp_path / 'a.npz', JOINTS, options))
+    np.savez(tmp_path / 'a.npz', **arrays, unit='gon')
+    with pytest.raises(IdentificationError, match=r'q \(array unit\) has the unknown unit gon'):
+        read_table(tmp_path / 'a.npz', JOINTS)
 
 
 def test_currents_are_efforts_where_there_are_no_others(tmp_path: Path) -> None:
@@ -109,27 +104,13 @@ def test_currents_are_efforts_where_there_are_no_others(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_table(tmp_path / 'a.npz', JOINTS).effort, TAU)
 
 
-def test_arrays_that_state_the_unit_of_their_angles(tmp_path: Path) -> None:
-    arrays = {'time': T, 'q': np.degrees(Q), 'dq': np.degrees(DQ), 'tau': TAU}
-    np.savez(tmp_path / 'a.npz', **arrays, unit='deg')
-    states = read_table(tmp_path / 'a.npz', JOINTS)
-    np.testing.assert_allclose(states.position, Q)
-    np.testing.assert_allclose(states.velocity, DQ)
-    np.testing.assert_array_equal(states.effort, TAU)
-    np.savez(tmp_path / 'a.npz', **arrays, unit='gon')
-    with pytest.raises(IdentificationError, match=r'q \(array unit\) has the unknown unit gon'):
-        read_table(tmp_path / 'a.npz', JOINTS)
-
-
 @pytest.mark.parametrize('names', [None, ('elbow', 'shoulder_pan')])
 def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
     more = {} if names is None else {'joint_names': np.array(names)}
     np.savez(tmp_path / 'a.npz', time=T, q=Q, velocity=DQ, torques=TAU, other=np.eye(7), **more)
     states = read_table(tmp_path / 'a.npz', JOINTS)
     assert states.names == (names or JOINTS)
-    np.testing.assert_array_equal(states.position, Q)
-    np.testing.assert_array_equal(states.velocity, DQ)
-    np.testing.assert_array_equal(states.effort, TAU)
+    check(states)
 
 
 @pytest.mark.parametrize(
@@ -141,16 +122,8 @@ def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
         ('a,b', (T, T), r'its columns are a, b\): name the columns time: time/times'),
         ('0.0,1.0,2.0', (T, Q), 'must name the columns'),
         ('time,q1,q2', (T, Q, TAU), '3 names, but there are 5 columns'),
-        (
-            'time,q1,q[0],tau1,tau2',
-            (T, Q, TAU),
-            r'q1 and q\[0\] of .* both contain the position of shoulder',
-        ),
-        (
-            'time,t,q1,tau1',
-            (T, T, Q[:, 0], T),
-            'time and t of .* both contain the time: remove one',
-        ),
+        ('time,q1,q[0],tau1,tau2', (T, Q, TAU), r'q1 and q\[0\] of .* both contain the position'),
+        ('time,t,q1,tau1', (T, T, Q[:, 0], T), 'time and t of .* both contain the time: remove'),
         ('time,q1,q2,tau1 [lbf],tau2', (T, Q, TAU), r'column tau1 .*unknown unit lbf'),
     ],
 )
@@ -162,29 +135,28 @@ def test_an_invalid_table_raises_an_error_with_the_reason(
         read_table(path, JOINTS)
 
 
-def test_unreadable_tables_raise_errors(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('content', 'words'),
+    [
+        (b'PK nothing', 'is not a table of numbers'),
+        ({'q': Q[:, :1]}, r'q has the shape \(100, 1\) instead of \(M, 2\)'),
+        ({'time': T[:50]}, 'differ in length'),
+        ({'position': Q}, 'arrays position and q of .* contain the same quantity'),
+        ({'q': np.array([{}], dtype=object)}, 'is not a table of numbers'),
+    ],
+)
+def test_unreadable_arrays_raise_errors(tmp_path: Path, content: bytes | dict, words: str) -> None:
+    path = tmp_path / 'a.npz'
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        np.savez(path, **{'time': T, 'q': Q, 'tau': TAU, **content})
+    with pytest.raises(IdentificationError, match=words):
+        read_table(path, JOINTS)
+    (tmp_path / 'a.csv').write_bytes(b'time,q1\n1.0,two\n')
+    with pytest.raises(IdentificationError, match='is not a table of numbers'):
+        read_table(tmp_path / 'a.csv', JOINTS)
     with pytest.raises(IdentificationError, match='check the path'):
         read_table(tmp_path / 'none.csv', JOINTS)
-    for name, content in (('a.csv', b'time,q1\n1.0,two\n'), ('a.npz', b'PK nothing')):
-        path = tmp_path / name
-        path.write_bytes(content)
-        with pytest.raises(IdentificationError, match='is not a table of numbers'):
-            read_table(path, JOINTS)
-    np.savez(tmp_path / 'b.npz', time=T, q=Q[:, :1], tau=TAU)
-    with pytest.raises(
-        IdentificationError, match=r'q has the shape \(100, 1\) instead of \(M, 2\)'
-    ):
-        read_table(tmp_path / 'b.npz', JOINTS)
-    np.savez(tmp_path / 'c.npz', time=T[:50], q=Q, tau=TAU)
-    with pytest.raises(IdentificationError, match='differ in length'):
-        read_table(tmp_path / 'c.npz', JOINTS)
-    np.savez(tmp_path / 'e.npz', time=T, q=Q, position=Q, tau=TAU)
-    with pytest.raises(
-        IdentificationError, match='arrays position and q of .* contain the same quantity'
-    ):
-        read_table(tmp_path / 'e.npz', JOINTS)
-    np.savez(tmp_path / 'd.npz', time=T, q=np.array([{}], dtype=object), tau=TAU)
-    with pytest.raises(IdentificationError, match='is not a table of numbers'):
-        read_table(tmp_path / 'd.npz', JOINTS)
     with pytest.raises(IdentificationError, match='--rate 0 must be'):
         TableOptions(rate=0.0)

@@ -12,13 +12,13 @@ from aerarm_ros.identification.joint_model import (
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.regression.base_parameters import Prior
-from aerarm_ros.identification.regression.model_fit import (
+from aerarm_ros.identification.model_fit import (
+    Prior,
     RegressionBank,
     posterior_covariance,
     solve_regularised,
 )
-from aerarm_ros.identification.regression.regression import SampleColumns, TriangularSystem
+from aerarm_ros.identification.regression import SampleColumns, TriangularSystem
 
 SMOOTH = JointTerm(TermKind.COULOMB, 0.05)
 OFFSET = JointTerm(TermKind.OFFSET)
@@ -41,12 +41,10 @@ def test_any_model_on_any_part(result: IdentificationResult, folds) -> None:
     model = JointModel(robot.joint_names, robot.link_names, terms)
     bank = RegressionBank(bags, (*THESIS_TERMS, ROTOR, OFFSET, SMOOTH))
     regression = bank.regression(model, folds)
-    for joint in range(robot.n):
+    for joint, factor in enumerate(regression.factors):
         rows = [b.samples.usable[:, joint] & np.isin(b.samples.fold, list(folds)) for b in bags]
-        expected = np.vstack(
-            [directly(b, model, joint, r) for b, r in zip(bags, rows, strict=True)]
-        )
-        factor = regression.factors[joint]
+        parts = [directly(b, model, joint, own) for b, own in zip(bags, rows, strict=True)]
+        expected = np.vstack(parts)
         assert np.allclose(factor.T @ factor, expected.T @ expected, atol=1e-8)
         assert regression.rows[joint] == len(expected)
 
@@ -54,16 +52,13 @@ def test_any_model_on_any_part(result: IdentificationResult, folds) -> None:
 PRIOR = Prior(np.array([1.0, -2.0, 0.5]), np.array([0.1, 2.0, 30.0]))
 
 
-def test_solution_and_covariance_are_those_of_bayes_rule() -> None:
+@pytest.mark.parametrize('size', [1.0, 0.0])
+def test_solution_and_covariance_are_those_of_bayes_rule(size: float) -> None:
+    """Without data, the prior is left."""
     random = np.random.default_rng(0)
-    system = TriangularSystem(np.triu(random.standard_normal((3, 3))), random.standard_normal(3))
+    R = size * np.triu(random.standard_normal((3, 3)))
+    system = TriangularSystem(R, size * random.standard_normal(3))
     information = system.R.T @ system.R + np.diag(1.0 / PRIOR.std**2)
     assert np.allclose(posterior_covariance(system, PRIOR), np.linalg.inv(information))
     right = system.R.T @ system.z + PRIOR.mean / PRIOR.std**2
     assert np.allclose(solve_regularised(system, PRIOR), np.linalg.solve(information, right))
-
-
-def test_without_data_the_prior_is_left() -> None:
-    nothing = TriangularSystem(np.zeros((3, 3)), np.zeros(3))
-    assert np.allclose(solve_regularised(nothing, PRIOR), PRIOR.mean)
-    assert np.allclose(posterior_covariance(nothing, PRIOR), np.diag(PRIOR.std**2))

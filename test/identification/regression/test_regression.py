@@ -8,8 +8,6 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.conditioning.conditioning import Conditioner
-from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
@@ -17,11 +15,7 @@ from aerarm_ros.identification.joint_model import (
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.regression.regression import (
-    ReducedRegression,
-    SampleColumns,
-    triangular_factor,
-)
+from aerarm_ros.identification.regression import ReducedRegression, SampleColumns, triangular_factor
 from aerarm_ros.model.regressor import Regressor
 
 JOINTS, ROWS, COLUMNS = 3, 200, 7
@@ -66,13 +60,6 @@ def test_norms_and_errors_are_those_of_all_rows(data, regression) -> None:
 LOAD = JointTerm(TermKind.LOAD)
 
 
-def columns_of(arm, robot: Robot, periods: int = 2, **options: float) -> SampleColumns:
-    recording = arm.recording(1, periods=periods)
-    conditioner = Conditioner([recording], ConditioningOptions(**options))
-    kinematics = conditioner.candidates()[0]
-    return SampleColumns(conditioner.condition(recording, kinematics), Regressor(robot))
-
-
 def parameters(arm, model: JointModel) -> np.ndarray:
     values = {'fv': arm.viscous, 'fs': arm.coulomb, 'Ja': arm.rotor, 'fl': arm.load}
     joints = [values[term.symbol][joint] for joint, term in model.joint_columns]
@@ -82,11 +69,11 @@ def parameters(arm, model: JointModel) -> np.ndarray:
 @pytest.mark.parametrize('load', [0.0, 0.04])
 @pytest.mark.parametrize('cutoff', [2.0, 5.0])
 def test_true_parameters_predict_the_filtered_torque(
-    make_arm: Callable, robot: Robot, load: float, cutoff: float
+    make_arm: Callable, columns_of: Callable, robot: Robot, load: float, cutoff: float
 ) -> None:
     """Even with a cut-off that takes much of the dry friction's steps away."""
     arm = make_arm(load=load)
-    bag = columns_of(arm, robot, cutoff=cutoff)
+    bag = columns_of(arm, cutoff=cutoff)
     model = JointModel.uniform(robot.joint_names, robot.link_names, (*THESIS_TERMS, ROTOR, LOAD))
     predicted = bag.predict(model, parameters(arm, model))
     error = np.linalg.norm(predicted.filtered - bag.samples.tau) / np.linalg.norm(bag.samples.tau)
@@ -97,9 +84,9 @@ def test_true_parameters_predict_the_filtered_torque(
 @pytest.mark.parametrize('kind', [TermKind.COULOMB, TermKind.LOAD])
 @pytest.mark.parametrize('distance', [0.0, 0.02])
 def test_a_rate_is_the_derivative_of_the_column(
-    make_arm: Callable, robot: Robot, kind: TermKind, distance: float
+    make_arm: Callable, columns_of: Callable, robot: Robot, kind: TermKind, distance: float
 ) -> None:
-    bag, inertial = columns_of(make_arm(), robot), robot.inertial_parameters.ravel()
+    bag, inertial = columns_of(make_arm()), robot.inertial_parameters.ravel()
     term = JointTerm(kind, distance=distance)
     column = bag.term(term, inertial)
     slope = CubicSpline(bag.samples.time, column).derivative()(bag.samples.time)[5:-5]
@@ -108,10 +95,10 @@ def test_a_rate_is_the_derivative_of_the_column(
 
 
 def test_noise_of_a_velocity_at_rest_does_not_change_friction(
-    make_arm: Callable, robot: Robot
+    make_arm: Callable, columns_of: Callable, robot: Robot
 ) -> None:
     """Coulomb friction after 4 s at rest is that of the last motion."""
-    bag = columns_of(make_arm(), robot)
+    bag = columns_of(make_arm())
     random = np.random.default_rng(0)
     dq = bag.samples.dq_fine.copy()
     rest = slice(len(dq) // 2, len(dq) // 2 + round(4.0 / bag.samples.fine_filter.dt))
@@ -130,9 +117,11 @@ def test_noise_of_a_velocity_at_rest_does_not_change_friction(
     [ROTOR, JointTerm(TermKind.COULOMB), JointTerm(TermKind.COULOMB, distance=0.03), LOAD],
     ids=['rotor', 'coulomb', 'gradual', 'load'],
 )
-def test_equal_periods_are_computed_once(make_arm: Callable, robot: Robot, term: JointTerm) -> None:
+def test_equal_periods_are_computed_once(
+    make_arm: Callable, columns_of: Callable, robot: Robot, term: JointTerm
+) -> None:
     """The columns of 11 periods are those of all samples, also at the ends of the motion."""
-    bag = columns_of(make_arm(), robot, periods=11)
+    bag = columns_of(make_arm(), periods=11)
     samples = bag.samples
     whole = SampleColumns(replace(samples, cycle=len(samples.q)), Regressor(robot))
     assert len(samples.q) == 11 * samples.cycle == len(whole.motion.q)

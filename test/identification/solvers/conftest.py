@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.regression.base_parameters import Prior
-from aerarm_ros.identification.regression.regression import TriangularSystem
+from aerarm_ros.identification.joint_model import ArmParameters
+from aerarm_ros.identification.model_fit import Prior
+from aerarm_ros.identification.regression import TriangularSystem
 from aerarm_ros.identification.solvers.estimate import PhysicalLimits
 from aerarm_ros.identification.solvers.solvers import physical_limits
 from aerarm_ros.identification.solvers.thesis_solver import ThesisProblem, solve_slsqp

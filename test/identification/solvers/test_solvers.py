@@ -6,59 +6,40 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
+    ArmParameters,
     JointModel,
     JointTerm,
     TermKind,
 )
-from aerarm_ros.identification.regression.base_parameters import find_base_parameters
-from aerarm_ros.identification.regression.regression import ReducedRegression, triangular_factor
+from aerarm_ros.identification.regression import ReducedRegression
 from aerarm_ros.identification.solvers.estimate import SOLVERS, Estimate, solver
-from aerarm_ros.identification.solvers.least_squares_solver import solve_least_squares
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED, solve_all
 from aerarm_ros.identification.solvers.thesis_solver import ThesisProblem, solve_annealing
 from aerarm_ros.model.inertia import barycentric_inertia
-from aerarm_ros.model.regressor import Regressor
 
 
-@pytest.fixture(scope='module')
-def estimates(result: IdentificationResult):
-    return solve_all(result.fit, result.cad)
-
-
-def test_solver_errors_have_the_expected_order(result: IdentificationResult, estimates) -> None:
-    regression = result.fit.regression
+def test_solvers_run_on_request_in_the_expected_order(
+    result: IdentificationResult, slsqp: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    regression, told = result.fit.regression, []
+    with monkeypatch.context() as patch:
+        patch.setitem(SOLVERS, 'halved', None)  # removes the new solver afterwards
+        solver('halved', 'half of the nominal parameters', 9, True)(lambda f, _: 0.5 * f.prior.mean)
+        estimates = solve_all(result.fit, result.cad, ['slsqp', 'halved'], told.append)
+    assert list(estimates) == ['cad', 'cad_friction', 'ols', 'slsqp', 'sdp', 'halved']
+    assert told == ['slsqp']  # the only slow one
+    assert np.array_equal(estimates['slsqp'].theta, slsqp)  # the same bits in every run
+    assert np.array_equal(estimates['cad'].theta, result.fit.prior.mean)
+    assert np.array_equal(estimates['halved'].theta, 0.5 * result.fit.prior.mean)
     errors = {name: regression.error(estimate.theta) for name, estimate in estimates.items()}
     assert min(errors, key=errors.get) == 'ols'
     assert errors['cad'] > 3.0 * errors['sdp']
     assert errors['sdp'] < 1.5 * errors['ols']
-    assert np.array_equal(estimates['cad'].theta, result.fit.prior.mean)
-
-
-def test_slow_solvers_run_on_request_and_report_progress(
-    result: IdentificationResult, slsqp: np.ndarray
-) -> None:
-    told: list[str] = []
-    estimates = solve_all(result.fit, result.cad, ['slsqp'], told.append)
-    assert list(estimates) == ['cad', 'cad_friction', 'ols', 'slsqp', 'sdp']
-    assert told == ['slsqp']
-    assert np.array_equal(estimates['slsqp'].theta, slsqp)  # the same bits in every run
-
-
-def test_a_decorated_function_is_a_solver(
-    result: IdentificationResult, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        patch.setitem(SOLVERS, 'halved', None)  # removes the new solver afterwards
-        solver('halved', 'half of the nominal parameters', 9)(lambda fit, _: 0.5 * fit.prior.mean)
-        estimates = solve_all(result.fit, result.cad, ['halved'])
-    assert list(estimates)[-1] == 'halved'
-    assert np.array_equal(estimates['halved'].theta, 0.5 * result.fit.prior.mean)
     with pytest.raises(IdentificationError, match='halved: choose from cad, cad_friction, ols'):
         solve_all(result.fit, result.cad, ['halved'])
 
@@ -72,11 +53,6 @@ def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResul
     (note,) = estimates[RECOMMENDED].notes
     assert 'solver entropic was skipped' in note
     assert 'link 3' in note
-
-
-def test_an_unknown_solver_is_refused(result: IdentificationResult) -> None:
-    with pytest.raises(IdentificationError, match='choose from cad, cad_friction'):
-        solve_all(result.fit, result.cad, names=['magic'])
 
 
 def test_a_parameter_at_its_bound_is_exactly_zero(result: IdentificationResult) -> None:
@@ -93,29 +69,10 @@ def test_a_parameter_at_its_bound_is_exactly_zero(result: IdentificationResult) 
     assert estimate.std[index] > 0.0
 
 
-OFFSET = JointTerm(TermKind.OFFSET)
-
-
-@pytest.fixture
-def model(robot: Robot) -> JointModel:
-    return JointModel.uniform(robot.joint_names, robot.link_names, (*THESIS_TERMS, ROTOR, OFFSET))
-
-
-def test_the_cad_column_of_table_a1_is_physical_the_others_are_not(
-    model: JointModel, robot: Robot, table_a1: dict[str, np.ndarray]
-) -> None:
-    """thesis-notes: SLSQP fails the pseudo-inertia test, SA even (3.9)."""
-    plain = JointModel.uniform(robot.joint_names, robot.link_names, THESIS_TERMS)
-    physical = {k: Estimate(k, plain, v).physically_consistent for k, v in table_a1.items()}
-    assert physical == {'CAD': True, 'SLSQP': False, 'SA': False}
-    eigenvalue = Estimate('', plain, table_a1['CAD']).min_pseudo_inertia_eigenvalue
-    assert eigenvalue == pytest.approx(1.6e-5, rel=0.05)
-
-
 @pytest.mark.parametrize(('column', 'physical'), [('fv_joint2', False), ('fo_joint2', True)])
-def test_negative_coefficients(
-    model: JointModel, robot: Robot, column: str, physical: bool
-) -> None:
+def test_negative_coefficients(robot: Robot, column: str, physical: bool) -> None:
+    terms = (*THESIS_TERMS, ROTOR, JointTerm(TermKind.OFFSET))
+    model = JointModel.uniform(robot.joint_names, robot.link_names, terms)
     theta = ArmParameters.stated(robot, None).vector(model)
     theta[model.columns.index(column)] = -0.1
     estimate = Estimate('test', model, theta)
@@ -123,43 +80,22 @@ def test_negative_coefficients(
     assert estimate.joint_values(column[:2])[1] == -0.1
 
 
-@pytest.mark.parametrize('weights', [1.0, [1.0, 0.2, 5.0, 30.0]])
-def test_exact_recovery(robot: Robot, weights) -> None:
-    random = np.random.default_rng(0)
-    regressor = Regressor(robot, rotor_inertia=True)
-    stacked = regressor.stack(*random.uniform(-2.0, 2.0, (3, 100, robot.n)))
-    true, reference = random.uniform(-1.0, 1.0, (2, stacked.shape[1]))
-    rows = np.column_stack([stacked, stacked @ true]).reshape(100, robot.n, -1)
-    factors = [triangular_factor(rows[:, joint]) for joint in range(robot.n)]
-    regression = ReducedRegression(regressor.columns, factors, [100] * robot.n)
-    found = solve_least_squares(regression, reference, weights)
-    base = find_base_parameters(regression.system().R, regression.columns)
-    assert np.allclose(base.values(found), base.values(true), atol=1e-8)
-    assert np.array_equal(found[base.dependent], reference[base.dependent])
-    assert regression.error(found) < 1e-8
-
-
 def inertial(problem: ThesisProblem, theta: np.ndarray) -> np.ndarray:
     return theta[: 10 * problem.n].reshape(-1, 10)
 
 
-def test_cad_obeys_every_constraint(problem: ThesisProblem) -> None:
-    assert problem.inequalities(inertial(problem, problem.start)).min() > 0.0
+def test_cad_obeys_every_constraint_and_each_notices_its_violation(problem: ThesisProblem) -> None:
+    cad = inertial(problem, problem.start)
+    assert problem.inequalities(cad).min() > 0.0
     lower, upper = problem.bounds()
     assert np.all((lower <= problem.start) & (problem.start <= upper))
-
-
-def test_each_constraint_notices_its_violation(problem: ThesisProblem) -> None:
-    cad = inertial(problem, problem.start)
-    flat = cad.copy()
+    flat, shifted = cad.copy(), cad.copy()
     flat[1, 4] -= 1.01 * barycentric_inertia(cad[1])[0, 0]
-    shifted = cad.copy()
     shifted[2, 1] += 2.0 * cad[2, 0] * problem.limits.size[2]
-    heavy = cad * 2.1
     for wrong, links in ((flat, {1}), (shifted, {2})):
         values = problem.inequalities(wrong)[:-2].reshape(-1, 9)
         assert set(np.flatnonzero(values.min(axis=1) < 0.0)) == links
-    assert problem.inequalities(heavy)[-1] < 0.0
+    assert problem.inequalities(2.1 * cad)[-1] < 0.0
 
 
 def test_slopes_are_those_of_the_functions(problem: ThesisProblem) -> None:

@@ -1,6 +1,7 @@
 """The interface for programs: arrays or bags as input, an identified arm with errors as output."""
 
 import json
+from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -82,32 +83,43 @@ def test_the_result_is_saved_as_by_the_identifier(arm: IdentifiedArm, tmp_path: 
     assert arm.save(folder) == folder
 
 
-def test_shapes_are_checked_with_a_sentence() -> None:
-    time, q = np.arange(5.0), np.zeros((5, 4))
-    for given, words in (
-        ((q, q, q), r'time has the shape \(5, 4\): pass an array of shape \(any\)'),
-        ((time, q[:4], q), r'q has the shape \(4, 4\): pass an array of shape \(5, any\)'),
-        ((time, q, q[:, :3]), r'tau has the shape \(5, 3\): pass an array of shape \(5, 4\)'),
-        ((time, q, [[1.0], [2.0, 3.0]]), 'tau is not an array of numbers: pass numbers, in rows'),
-    ):
-        with pytest.raises(IdentificationError, match=words):
-            aerarm_ros.from_arrays(*given)
-    with pytest.raises(IdentificationError, match='q has 4 columns, but names has 2 joint names'):
-        aerarm_ros.from_arrays(time, q, q, names=['a', 'b'])
-    with pytest.raises(IdentificationError, match='holdout = 1.5'):
-        aerarm_ros.identify([], holdout=1.5)
-    with pytest.raises(IdentificationError, match='the argument bags is empty: pass at least one'):
-        aerarm_ros.identify([])
-    for given in (q, 5, None):
-        with pytest.raises(IdentificationError, match='is neither a path nor a motion'):
-            aerarm_ros.identify(given)
-    with pytest.raises(IdentificationError, match=r'load_robot\(urdf, locked='):
-        aerarm_ros.identify('bag', aerarm_ros.load_robot(), lock='joint1')
+TIME, POSITION = np.arange(5.0), np.zeros((5, 4))
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        ([POSITION] * 3, r'time has the shape \(5, 4\): pass an array of shape \(any\)'),
+        ((TIME, POSITION[:4], POSITION), r'q has the shape \(4, 4\): pass .* \(5, any\)'),
+        ((TIME, POSITION, POSITION[:, :3]), r'tau has the shape \(5, 3\): pass .* \(5, 4\)'),
+        ((TIME, POSITION, [[1.0], [2.0, 3.0]]), 'tau is not an array of numbers: pass numbers'),
+        ((TIME, POSITION, POSITION, None, 'ab'), 'q has 4 columns, but names has 2 joint names'),
+    ],
+)
+def test_shapes_are_checked_with_a_sentence(arguments: Sequence, words: str) -> None:
+    with pytest.raises(IdentificationError, match=words):
+        aerarm_ros.from_arrays(*arguments)
+
+
+@pytest.mark.parametrize(
+    ('bags', 'options', 'words'),
+    [
+        ([], {'holdout': 1.5}, 'holdout = 1.5'),
+        ([], {}, 'the argument bags is empty: pass at least one'),
+        (POSITION, {}, 'is neither a path nor a motion'),
+        (5, {}, 'is neither a path nor a motion'),
+        (None, {}, 'is neither a path nor a motion'),
+        ('bag', {'urdf': aerarm_ros.load_robot(), 'lock': 'joint1'}, r'robot\(urdf, locked='),
+    ],
+)
+def test_faulty_arguments_are_named(bags: object, options: dict, words: str) -> None:
+    with pytest.raises(IdentificationError, match=words):
+        aerarm_ros.identify(bags, **options)
 
 
 def test_bags_have_distinct_names(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
     stamp, q, dq, tau = (values[::4] for values in arrays)
-    known = aerarm_ros.ConditioningOptions(cutoff=3.0, filter='butterworth', exact_stamps=True)
+    known = aerarm_ros.ConditioningOptions(cutoff=3.0)
     options = aerarm_ros.IdentificationOptions(known, friction='coulomb', tilt=False)
     files = [tmp_path / folder / 'a.npz' for folder in ('one', 'two')]
     for file in files:

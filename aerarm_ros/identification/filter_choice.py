@@ -7,19 +7,18 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.spectral_filter import SETTLING_PERIODS, SpectralFilter
 from aerarm_ros.identification.conditioning.uniform_motion import KinematicsFilter, Samples
-from aerarm_ros.identification.joint_model import JointTerm, TermKind
-from aerarm_ros.identification.model_choice.simple_fit import (
+from aerarm_ros.identification.joint_model import ArmParameters, JointTerm, TermKind
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.regression import SampleColumns
+from aerarm_ros.identification.simple_fit import (
     SIMPLE_TERMS,
     SimpleFit,
     block_sums,
     standard_errors,
 )
-from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 
@@ -145,13 +144,20 @@ class GravityDirection:
     ----------
     stated, used : (3,) ndarray
         Gravity in the base frame [m/s^2]; equal if the data show no tilt.
-    error : float
-        Held-out squared torque error with the best tilt, relative to the error without tilt.
+    error : float or None
+        Held-out squared torque error with the best tilt, relative to the error without tilt; None
+        if no tilt was estimated.
     """
 
     stated: Array
     used: Array
-    error: float = 1.0
+    error: float | None = None
+
+    @classmethod
+    def stated_by(cls, robot: Robot) -> 'GravityDirection':
+        """Return the direction of gravity that the user states for a robot."""
+        stated = np.array(robot.gravity_in_base)
+        return cls(stated, stated)
 
     @property
     def tilt(self) -> float:
@@ -219,31 +225,15 @@ _SIMILAR = 1.2  # largest ratio of the squared errors of two equally good filter
 _ENOUGH = 60.0  # [s] length of the excerpt that is used from the middle of a long recording
 
 
-@dataclass(frozen=True)
-class FilterTrial:
-    """Filter setting that was tried, with its torque error.
-
-    Attributes
-    ----------
-    cutoff : float
-        Cut-off of the torque's low-pass filter [Hz].
-    kinematics : KinematicsFilter
-        Filter of the kinematics.
-    error : float
-        Error of recorded torque [%] on held-out parts of the motion.
-    """
-
-    cutoff: float
-    kinematics: KinematicsFilter
-    error: float
-
-
 @dataclass(frozen=True, eq=False)
 class FilterChoice:
     """Comparison of filters, with the samples of the best filter.
 
     Attributes
     ----------
+    trials : dict of KinematicsFilter to float
+        Error of recorded torque [%] on held-out parts of the motion, with each tried filter; the
+        cut-off of the torque's low-pass filter equals that of the kinematics filter.
     conditioner : Conditioner
         Conditioner with the chosen cut-off.
     kinematics : KinematicsFilter
@@ -252,7 +242,7 @@ class FilterChoice:
         Recordings filtered with the chosen filter.
     """
 
-    trials: list[FilterTrial]
+    trials: dict[KinematicsFilter, float]
     conditioner: Conditioner
     kinematics: KinematicsFilter
     bags: list[SampleColumns]
@@ -398,13 +388,13 @@ class _Trials:
         return min(good, key=lambda cutoff: abs(np.log(cutoff / rule)))
 
     @property
-    def tried(self) -> list[FilterTrial]:
-        """All tried filters with their torque errors."""
+    def tried(self) -> dict[KinematicsFilter, float]:
+        """Torque error [%] with each tried filter."""
         torque = self._sums([samples.tau_raw for samples in self._samples]).sum()
-        return [
-            FilterTrial(k.cutoff, k, 100.0 * float(np.sqrt(own.sum() / max(torque, 1e-12))))
-            for k, own in self._squared_errors().items()
-        ]
+        return {
+            kinematics: 100.0 * float(np.sqrt(own.sum() / max(torque, 1e-12)))
+            for kinematics, own in self._squared_errors().items()
+        }
 
     def _squared_errors(self) -> dict[KinematicsFilter, Array]:
         """Return squared errors per trial and block, over the samples that all trials have."""

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.files.summary import ExportError, term_text
-from aerarm_ros.identification.identification_result import IdentificationResult, Solution
-from aerarm_ros.identification.joint_model import JointTerm
+from aerarm_ros.identification.identification_result import (
+    BagAssessment,
+    IdentificationResult,
+    Solution,
+)
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.model.inertia import PARAMETER_NAMES
-from aerarm_ros.pages.html_text import Html, folded, markup, number, paragraph, table
+from aerarm_ros.pages.html_text import Html, folded, markup, number, table
 
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
@@ -105,29 +107,16 @@ def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
     return table(headings, rows)
 
 
-def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
+def base_parameter_table(result: IdentificationResult) -> Html:
     """Return the table of base parameters that the data determine."""
     base = result.used_base
-    solutions = result.solutions
-    columns = {name: base.values(solutions[name].estimate.theta) for name in ('cad', 'ols', 'sdp')}
-    std, prior = result.base_deviations, result.base_prior_deviations
+    solvers = ('cad', 'ols', 'sdp')
+    values = [base.values(result.solutions[name].estimate.theta) for name in solvers]
+    std = result.base_deviations
+    excitation = result.base_prior_deviations / np.maximum(std, 1e-300)
+    columns = np.column_stack([*values, std, excitation]).tolist()
+    rows = [[name, *row] for name, row in zip(base.expressions(), columns, strict=True)]
     headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation', 'excitation']
-    if truth:
-        headings += [
-            'true',
-            'true, as measured',
-            'sdp minus "true as measured", in standard deviations',
-        ]
-        true = truth.base_values(result.fit, base)
-        shown = truth.measured_base_values(result.fit, base)
-    rows = []
-    for i, expression in enumerate(base.expressions()):
-        row: list[object] = [expression, *(float(values[i]) for values in columns.values())]
-        row += [float(std[i]), float(prior[i] / max(std[i], 1e-300))]
-        if truth:
-            off = (columns['sdp'][i] - shown[i]) / max(std[i], 1e-300)
-            row += [float(true[i]), float(shown[i]), float(off)]
-        rows.append(row)
     return table(headings, rows)
 
 
@@ -150,8 +139,8 @@ def conditioning_tables(result: IdentificationResult) -> Html:
         text = f'{len(base.columns)} columns, rank {base.rank}, '
         facts.append([f'regressor, {name}', text + f'condition number {base.condition_number:.4g}'])
     choice = result.filter_choice
-    trials = [[f'{t.cutoff:.3g}', t.kinematics.label, float(t.error)] for t in choice.trials]
-    chosen = [i for i, t in enumerate(choice.trials) if t.kinematics == choice.kinematics]
+    trials = [[f'{k.cutoff:.3g}', k.label, error] for k, error in choice.trials.items()]
+    chosen = [i for i, k in enumerate(choice.trials) if k == choice.kinematics]
     headings = [
         'tried cutoff [Hz]',
         'filter of positions, velocities and accelerations',
@@ -177,7 +166,7 @@ def _count(value: int | None) -> Html:
 
 def _gravity(result: IdentificationResult) -> str:
     found = result.gravity
-    if found is None:
+    if found.error is None:
         return 'as stated'
     share = (
         'squared error on held-out parts, relative to the stated gravity: '
@@ -190,14 +179,13 @@ def _gravity(result: IdentificationResult) -> str:
 
 def _delays(result: IdentificationResult) -> str:
     names, used = result.robot.joint_names, result.conditioner.delays
-    deviation = np.full(len(names), np.nan) if result.delay is None else result.delay.deviation
     late = {
         'velocities': [
             f'{n} {1e3 * v:.1f} ms' for n, v in zip(names, used.velocity, strict=True) if v
         ],
         'efforts': [
             f'{n} {1e3 * v:.1f} ± {1e3 * d:.1f} ms'
-            for n, v, d in zip(names, used.effort, deviation, strict=True)
+            for n, v, d in zip(names, used.effort, result.delay.deviation, strict=True)
             if v
         ],
     }
@@ -230,32 +218,16 @@ def excitation_table(result: IdentificationResult) -> Html:
     return table(headings, rows)
 
 
-def _terms_text(terms: Sequence[JointTerm], names: Sequence[str]) -> str:
-    return ', '.join(term_text(term, names) for term in terms)
-
-
-def friction_tables(result: IdentificationResult) -> Html:
-    """Return tables of each joint's friction model and of rejected friction models."""
-    names = result.robot.joint_names
-    model = result.fit.model
-    chosen = table(
+def friction_table(result: IdentificationResult) -> Html:
+    """Return the table of each joint's friction model."""
+    names, model = result.robot.joint_names, result.fit.model
+    return table(
         ['joint', 'terms other than links'],
-        [[name, _terms_text(t, names)] for name, t in zip(names, model.terms, strict=True)],
+        [
+            [name, ', '.join(term_text(term, names) for term in t)]
+            for name, t in zip(names, model.terms, strict=True)
+        ],
     )
-    if not result.comparisons:
-        return chosen
-    tried = [
-        [names[trial.joint], _terms_text(trial.terms, names), float(trial.error)]
-        for trial in result.comparisons
-    ]
-    best = [i for i, trial in enumerate(result.comparisons) if trial.chosen]
-    headings = ['joint', 'terms tried', 'held-out squared error, relative']
-    title = 'Comparison by cross-validation within the identification bags'
-    text = (
-        'Each fifth of the motion was predicted from the other four. Bold: terms chosen in the '
-        'step.'
-    )
-    return Html(chosen + folded(title, paragraph(text, 'note'), table(headings, tried, best)))
 
 
 def truth_table(errors: Sequence[InertialTorqueError], joints: Sequence[str]) -> Html:

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.conditioning.uniform_motion import BLOCKS, FOLDS
-from aerarm_ros.identification.joint_model import ROTOR, JointTerm, TermKind
-from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.joint_model import ROTOR, ArmParameters, JointTerm, TermKind
+from aerarm_ros.identification.model_fit import LINK_SPREAD
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.motion.signals import Array
 
 

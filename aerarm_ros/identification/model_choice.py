@@ -7,18 +7,19 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.arm_parameters import ArmParameters, CoupledJoints, coupled_terms
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
+    ArmParameters,
+    CoupledJoints,
     JointModel,
     JointTerm,
     TermKind,
+    coupled_terms,
 )
-from aerarm_ros.identification.regression.base_parameters import LINK_SPREAD
-from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
-from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.model_fit import LINK_SPREAD, ModelFit, RegressionBank, fit_model
+from aerarm_ros.identification.regression import SampleColumns
 from aerarm_ros.motion.signals import Array
 
 Mask = npt.NDArray[np.bool_]
@@ -212,28 +213,6 @@ _SWITCHED = (
 _EXCLUSIVE = ({TermKind.FORWARD, TermKind.BACKWARD, TermKind.OFFSET},)
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Set of terms that was tried for a joint.
-
-    Attributes
-    ----------
-    joint : int
-        Index of the joint.
-    terms : tuple of JointTerm
-        Torque terms that were tried for the joint.
-    error : float
-        Squared torque error of the arm in held-out parts, relative to that of the initial model.
-    chosen : bool
-        Whether this set of terms was chosen.
-    """
-
-    joint: int
-    terms: tuple[JointTerm, ...]
-    error: float
-    chosen: bool
-
-
 def candidate_terms() -> tuple[JointTerm, ...]:
     """Return all friction, rotor and offset terms that the choice considers for a joint."""
     dry = [JointTerm(kind, w, distance=d) for kind in _DRY for w, d in _REVERSALS]
@@ -242,8 +221,8 @@ def candidate_terms() -> tuple[JointTerm, ...]:
 
 def select_terms(
     validation: CrossValidation, start: Sequence[Sequence[JointTerm]]
-) -> tuple[tuple[tuple[JointTerm, ...], ...], list[Comparison]]:
-    """Choose the friction terms of every joint by cross-validation.
+) -> tuple[tuple[JointTerm, ...], ...]:
+    """Return the friction terms of every joint, chosen by cross-validation.
 
     Each joint goes through three steps before the next joint. First the reversal of dry
     friction (velocity width or build-up distance) and its dependence on load are chosen. Then
@@ -254,30 +233,17 @@ def select_terms(
     ----------
     start : n sequences of JointTerm
         Initial terms, for example viscous, Coulomb and rotor for every joint.
-
-    Returns
-    -------
-    tuple of n tuples of JointTerm
-    list of Comparison
-        All sets of terms that were compared.
     """
     terms = [tuple(own) for own in start]
     best = validation.score(terms)
-    first = best
-    comparisons: list[Comparison] = []
     for joint in range(len(terms)):
         for stage in (_dry_variants, _switches, _switches, _dry_variants):
             variants = stage(terms[joint])
             errors = validation.score_variants(terms, joint, variants)
             index = int(errors.argmin())
-            better = errors[index] < best * (1.0 - _LEAST_GAIN)
-            comparisons += [
-                Comparison(joint, variant, float(error) / first, better and i == index)
-                for i, (variant, error) in enumerate(zip(variants, errors, strict=True))
-            ]
-            if better:
+            if errors[index] < best * (1.0 - _LEAST_GAIN):
                 terms[joint], best = variants[index], float(errors[index])
-    return tuple(terms), comparisons
+    return tuple(terms)
 
 
 def _dry_variants(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
@@ -363,7 +329,7 @@ def choose_model(
     cad: ArmParameters,
     friction: str,
     coupled: CoupledJoints = (),
-) -> tuple[ModelFit, list[Comparison]]:
+) -> ModelFit:
     """Fit the requested joint terms; for 'auto', the terms that predict held-out motion best.
 
     Parameters
@@ -375,12 +341,6 @@ def choose_model(
     coupled : sequence of (joint, driver)
         Joints that always get the columns of `coupled_terms`.
 
-    Returns
-    -------
-    ModelFit
-    list of Comparison
-        Sets of terms that were tried in the last round; empty for a given friction model.
-
     Raises
     ------
     IdentificationError
@@ -391,13 +351,12 @@ def choose_model(
     simple = FRICTION_MODELS['coulomb']
     terms: Sequence[Sequence[JointTerm]] = [(*simple, *own) for own in couplings]
     fit = fit_model(bags, RegressionBank(bags, _all(terms)), _model(robot, terms), cad)
-    comparisons: list[Comparison] = []
     if friction == AUTOMATIC:
         for _ in range(_ROUNDS):
             bank = RegressionBank(bags, (*candidate_terms(), *_all(couplings)), fit.inertial)
             mean, std = cad.inertial.ravel(), LINK_SPREAD * cad.inertial_scale().ravel()
             validation = CrossValidation(bank, mean, std, fit.noise.weights)
-            terms, comparisons = select_terms(validation, terms)
+            terms = select_terms(validation, terms)
             fit = fit_model(bags, bank, _model(robot, terms), cad, fit.noise)
     elif chosen != simple:
         terms = [(*chosen, *own) for own in couplings]
@@ -408,7 +367,7 @@ def choose_model(
         fit = fit_model(bags, RegressionBank(bags, own, fit.inertial), fit.model, cad, fit.noise)
     for bag in bags:
         bag.free_memory()
-    return fit, comparisons
+    return fit
 
 
 def _all(terms: Sequence[Sequence[JointTerm]]) -> list[JointTerm]:
