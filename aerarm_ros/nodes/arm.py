@@ -16,7 +16,6 @@ from typing import NoReturn
 
 from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
-from aerarm_ros.motion.signals import REACTIONS
 from aerarm_ros.ros.process.process_end import USER_ERROR, print_error, without_ros_arguments
 from aerarm_ros.ros.process.ros_arguments import complete
 
@@ -133,9 +132,6 @@ def make_parser() -> argparse.ArgumentParser:
         default=0.05,
         help='joint angle error below which the goal counts as reached [rad] (default: 0.05)',
     )
-    command.add_argument('--on-contact', choices=REACTIONS, default='',
-        help='reaction of the controller to contact during this motion (default: the value of '
-             'the parameter contact_reaction)')  # fmt: skip
     command = add(
         'tool', 'move the tool to a position with the active Cartesian controller: THE ARM MOVES'
     )

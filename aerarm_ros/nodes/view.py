@@ -23,11 +23,6 @@ from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.page.page_controller import PageController
-from aerarm_ros.ros.page.page_server import PageGuard, is_loopback
-from aerarm_ros.ros.page.view_controls import PageMotion, PageRequests
-from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
-from aerarm_ros.ros.page.view_plots import ViewFeed
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, load_arm, load_drone

@@ -22,6 +22,16 @@ def endpoint_name(endpoint: TopicEndpointInfo) -> str:
     return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
 
 
+def listeners(node: Node, topic: str) -> list[str]:
+    """Return the full names of the nodes that subscribe to a topic; '' for an undiscovered node."""
+    return [endpoint_name(end) for end in node.get_subscriptions_info_by_topic(topic)]
+
+
+def can_move(name: str) -> bool:
+    """Return whether a node may move the arm: recorder and page subscribe, but move nothing."""
+    return name.rpartition('/')[2] not in ('', 'recorder', 'view')
+
+
 def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
     """Return why messages of a publisher do not reach a subscription, or an empty string.
 

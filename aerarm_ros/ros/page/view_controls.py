@@ -16,7 +16,7 @@ from aerarm_ros.executables import controllers
 from aerarm_ros.hardware.bridge_modes import ACTIONS, STOPS
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.graph import endpoint_name
+from aerarm_ros.ros.graph import can_move, listeners
 from aerarm_ros.ros.page.page_controller import PageController
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
 from aerarm_ros.ros.requests.bridge_service import BridgeService, StopService
@@ -25,8 +25,6 @@ _SHORTEST = 0.5  # [s]
 # The controller starts at its reference, which differs slightly from the measured configuration.
 # So it could reject a motion that uses the full limits.
 _OF_LIMITS = 0.95
-# These nodes subscribe to everything but move nothing.
-_LISTENERS = ('recorder', 'view')
 
 
 class PageMotion:
@@ -62,7 +60,7 @@ class PageMotion:
         sent, text
             Whether a controller receives the motion, and a message for the user.
         """
-        if not self._has_subscriber():
+        if not any(map(can_move, listeners(self._node, self._trajectories.topic_name))):
             return False, (
                 'no active controller accepts joint trajectories: start the controller '
                 'computed_torque'
@@ -78,12 +76,6 @@ class PageMotion:
         point.time_from_start = Duration(seconds=duration).to_msg()
         self._trajectories.publish(JointTrajectory(joint_names=self._names, points=[point]))
         return True, f'the motion takes {duration:.1f} s'
-
-    def _has_subscriber(self) -> bool:
-        """Return whether a controller subscribes to joint trajectories."""
-        listeners = self._node.get_subscriptions_info_by_topic(self._trajectories.topic_name)
-        names = [endpoint_name(listener).rpartition('/')[2] for listener in listeners]
-        return any(name and name not in _LISTENERS for name in names)
 
 
 PUT_BACK = 'put_back'
@@ -109,9 +101,9 @@ class PageRequests:
         }
 
     @property
-    def emulated(self) -> str:
-        """Node name of a running bridge with emulated boards; empty if no such bridge runs."""
-        return self._services[PUT_BACK].found
+    def emulated(self) -> bool:
+        """Whether a bridge with emulated boards is running."""
+        return bool(self._services[PUT_BACK].found)
 
     def look_for_bridges(self) -> None:
         """Find all running bridges now, so that a later stop request reaches them sooner."""

@@ -191,7 +191,6 @@ def test_a_request_that_cannot_be_sent_is_refused(ros_node: Node) -> None:
     assert answer is not None
     assert not answer.accepted
     assert answer.message.startswith(NOT_SENT)
-    assert not call.is_answered
 
 
 def test_repeated_requests_are_sent_until_they_succeed(
@@ -241,7 +240,7 @@ def test_without_a_bridge_the_error_names_the_searched_services(ros_node: Node) 
     held, text = hold.call()
     assert not held
     assert text.startswith(
-        'no bridge offers the service first/hold or second/hold: check that the bridge runs'
+        'no bridge offers the service first/hold or second/hold: check that a bridge runs'
     )
 
 
@@ -249,7 +248,7 @@ def test_requests_other_than_stops_go_to_one_bridge_only(ros_node: Node) -> None
     hold, bridges = BridgeService(ros_node, 'hold', ['first', 'second'], LIMIT), AnsweringBridges()
     bridges.add('first', ['hold'])
     with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
-        assert hold.call() == (True, 'first: done')
+        assert hold.call() == (True, 'done')
         bridges.add('second', ['hold'])
         assert hold._clients['second'].wait_for_service(LIMIT)
         done, text = hold.call()
