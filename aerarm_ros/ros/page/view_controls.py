@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.executables import controllers
-from aerarm_ros.hardware.bridge_modes import ACTIONS, STOPS
+from aerarm_ros.hardware.bridge_modes import ACTIONS, STOPS, Answer
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.graph import can_move, listeners
@@ -94,11 +94,8 @@ class PageRequests:
 
     def __init__(self, node: Node, bridges: Sequence[str]) -> None:
         self._stops = {action: StopService(node, action, bridges) for action in STOPS}
-        self._services = {
-            action: BridgeService(node, action, bridges)
-            for action in (*ACTIONS, PUT_BACK)
-            if action not in STOPS
-        }
+        others = {*ACTIONS, PUT_BACK} - STOPS
+        self._services = {action: BridgeService(node, action, bridges) for action in others}
 
     @property
     def emulated(self) -> bool:
@@ -110,16 +107,9 @@ class PageRequests:
         for stop in self._stops.values():
             stop.look()
 
-    def ask(self, action: str) -> tuple[bool, str]:
-        """Send the request `action` to the bridge, and wait for the bridge's answer.
-
-        Returns
-        -------
-        done, text
-            Whether the request succeeded, and the answer of the bridge.
-        """
-        service = self._stops.get(action) or self._services.get(action)
-        return (False, f'unknown request {action}') if service is None else service.call()
+    def ask(self, action: str) -> Answer:
+        """Send the request `action` to the bridge, and return the bridge's answer."""
+        return (self._stops if action in STOPS else self._services)[action].call()
 
 
 _STEP = 0.01  # [rad] of a slider
@@ -205,16 +195,12 @@ class ViewControls:
         goal = [slider.value for slider in self._sliders]
         low, high = self._limits.T
         if not (np.all(np.isfinite(goal)) and np.all(goal >= low) and np.all(goal <= high)):
-            self._panel.show_result(
-                False, 'not sent:', 'a slider is outside the position limits of its joint'
-            )
+            done, text = False, 'a slider is outside the position limits of its joint'
         elif self._posture is None:
-            self._panel.show_result(
-                False, 'not sent:', 'no joint angles received yet: start a bridge'
-            )
+            done, text = False, 'no joint angles received yet: start a bridge'
         else:
             done, text = self._motion.go(self._posture, goal, self._speed_share())
-            self._panel.show_result(done, 'Move' if done else 'not sent:', text)
+        self._panel.show_result(done, 'Move' if done else 'not sent:', text)
 
     def _take_posture(self) -> None:
         if self._posture is None:
