@@ -18,7 +18,6 @@ from typing import Any, NoReturn
 from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
 from aerarm_ros.ros.process.process_end import USER_ERROR, print_error, without_ros_arguments
-from aerarm_ros.ros.process.ros_arguments import complete
 
 NAME = 'arm'
 _FAKE = 'fake_hardware'
@@ -148,10 +147,6 @@ def make_parser() -> argparse.ArgumentParser:
     _add_commission(add('commission', _COMMISSION))
     _add_calibrate(add('calibrate', _CALIBRATE))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
-    commands.add_parser(
-        'completion',
-        help='print shell code with which bash or zsh completes the options of all executables',
-    )
     return parser
 
 
@@ -308,30 +303,18 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
     os.execv(sys.executable, [*command, '--ros-args', '-p', given, '--', *arguments[begin:]])
 
 
-def _completion() -> str:
-    """Return the shell code with which bash or zsh completes the options of all executables."""
-    from argcomplete.shell_integration import shellcode
-
-    names = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
-    return f'# eval "$({NAME} completion)"\n{shellcode(names)}'
-
-
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command that the command line names; return 0 if the command succeeded."""
     arguments = list(sys.argv[1:] if args is None else args)
     parser = make_parser()
-    complete(parser)
     given = without_ros_arguments(arguments)
     if not given:
         parser.print_help()
         parser.exit()
     options = parser.parse_args(given)
-    if options.command == 'completion':
-        print(_completion())
-        return 0
     if options.command == 'init':
         return _init(options)
-    # Imported here, because help, completion and `init` need no ROS.
+    # Imported here, because help and `init` need no ROS.
     from aerarm_ros.ros.requests.arm_requests import HERE, run_request
 
     if options.command == 'record' and not options.here:

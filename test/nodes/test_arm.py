@@ -1,7 +1,5 @@
 """The command line to the bridge, with the real bridge on emulated boards."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -130,13 +128,6 @@ def test_play_and_record_run_the_other_executables(tmp_path: Path) -> None:
     assert (status, text.startswith('recorder: ')) == (1, True), text
 
 
-def test_alone_it_prints_its_help_and_it_completes(tmp_path: Path) -> None:
+def test_alone_it_prints_its_help() -> None:
     status, text = ask()
     assert (status, text.startswith('usage: arm')) == (0, True)
-    status, script = ask('completion')
-    arm = f'arm() {{ {sys.executable} -m aerarm_ros.executables arm "$@"; }}'
-    lines = 'COMP_LINE="arm go --t"; COMP_POINT=10; _python_argcomplete arm; echo "${COMPREPLY[@]}"'
-    done = subprocess.run(
-        ['bash', '-c', f'{script}\n{arm}\n{lines}'], capture_output=True, text=True
-    )
-    assert done.stdout.split() == ['--timeout', '--tolerance']
