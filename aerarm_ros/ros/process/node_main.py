@@ -198,11 +198,9 @@ def run_node(
             if status is not None:
                 return status
         try:
-            notice = stay_on_this_host()
+            print_notice(name, *filter(None, [stay_on_this_host()]))
         except ValueError as error:
             return _report(name, error, USER_ERROR)
-        if notice:
-            print_notice(name, notice)
         return _run_node(name, create, args, interruption)
 
 
