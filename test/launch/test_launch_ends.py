@@ -94,19 +94,11 @@ def launched(start: Callable[..., Launched]) -> Launched:
 @pytest.mark.parametrize(
     ('file', 'argument', 'reason'),
     [
-        (
-            'bringup',
-            'params_file:=/nowhere.yaml',
-            ('the file /nowhere.yaml (argument params_file) does not exist'),
-        ),
-        (
-            'bringup',
-            'plant_urdf:=/nowhere.urdf',
-            'the file /nowhere.urdf (argument plant_urdf) does not exist',
-        ),
-        ('identification', 'trajectory:=/nowhere.yaml', 'the file /nowhere.yaml of'),
-        ('motor_bench', 'excitation_config:=/nowhere.yaml', 'the file /nowhere.yaml of'),
-        ('experiment', 'identified:=/nowhere.urdf', 'the file /nowhere.urdf of'),
+        ('bringup', 'params_file:=/nowhere.yaml', '(argument params_file) does not exist'),
+        ('bringup', 'plant_urdf:=/nowhere.urdf', '(argument plant_urdf) does not exist'),
+        ('identification', 'trajectory:=/nowhere.yaml', '(argument trajectory) does not exist'),
+        ('motor_bench', 'excitation_config:=/nowhere.yaml', '(argument excitation_config)'),
+        ('experiment', 'identified:=/nowhere.urdf', '(argument identified) does not'),
     ],
 )
 def test_missing_requirements_are_reported_before_the_start(

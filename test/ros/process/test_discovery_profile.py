@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -22,6 +23,7 @@ from aerarm_ros.ros.process.node_process import (
 NODE = """
 import re
 from pathlib import Path
+from typing import NamedTuple
 import rclpy
 from aerarm_ros.ros.process.node_main import run_node
 
@@ -82,12 +84,10 @@ def segments(environment: dict[str, str]) -> list[int]:
     return [int(size) // MIB for size in run.stdout.split()]
 
 
-def test_a_node_started_by_hand_runs_with_the_packaged_profile(ros_domain) -> None:
-    environment = ros_environment(ros_domain) | {PROFILES_FILE: ''}
-    assert 4 in segments(environment)
-
-
-def test_the_profile_that_the_user_chose_stays(ros_domain, tmp_path: Path) -> None:
+def test_a_node_has_the_packaged_profile_unless_the_user_chose_another(
+    ros_domain, tmp_path: Path
+) -> None:
+    assert 4 in segments(ros_environment(ros_domain) | {PROFILES_FILE: ''})
     mine = tmp_path / 'mine.xml'
     mine.write_text(USERS_PROFILE)
     environment = ros_environment(ros_domain) | {PROFILES_FILE: str(mine)}
@@ -130,16 +130,13 @@ def test_messages_during_a_pause_of_a_new_process_fit_into_its_queue() -> None:
     assert int(numbers['port_queue_capacity']) > 7 * 1000.0 * asleep  # a recorder's busiest bag
 
 
-class UdpSocket:
+class UdpSocket(NamedTuple):
     """A line of /proc/net/udp."""
 
-    def __init__(self, line: str) -> None:
-        fields = line.split()
-        host, port = fields[1].split(':')
-        self.address = '.'.join(str(byte) for byte in bytes.fromhex(host)[::-1])
-        self.port = int(port, 16)
-        self.unread = int(fields[4].split(':')[1], 16)
-        self.inode = fields[9]
+    address: str
+    port: int
+    unread: int
+    inode: str
 
 
 def udp_sockets(pid: int) -> list[UdpSocket]:
@@ -148,13 +145,17 @@ def udp_sockets(pid: int) -> list[UdpSocket]:
     for file in Path(f'/proc/{pid}/fd').iterdir():
         with suppress(OSError):  # it was closed meanwhile
             open_files.append(os.readlink(file))
-    found = []
-    for table in ('udp', 'udp6'):
-        lines = (Path('/proc/net') / table).read_text().splitlines()[1:]
-        sockets = [UdpSocket(line) for line in lines]
-        found.append([x for x in sockets if f'socket:[{x.inode}]' in open_files])
-    assert found[1] == []
-    return found[0]
+    found: dict[str, list[UdpSocket]] = {'udp': [], 'udp6': []}
+    for table, sockets in found.items():
+        for line in (Path('/proc/net') / table).read_text().splitlines()[1:]:
+            _, end, _, _, queues, *_, inode = line.split()[:10]
+            host, port = end.split(':')
+            address = '.'.join(str(byte) for byte in bytes.fromhex(host)[::-1])
+            unread = int(queues.split(':')[1], 16)
+            if f'socket:[{inode}]' in open_files:
+                sockets.append(UdpSocket(address, int(port, 16), unread, inode))
+    assert found['udp6'] == []
+    return found['udp']
 
 
 def unread_after(pid: int, sockets: list[UdpSocket], patience: float) -> dict[int, int]:
