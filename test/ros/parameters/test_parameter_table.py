@@ -2,6 +2,7 @@
 
 import math
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -28,9 +29,10 @@ def declare(ros_domain):
     rclpy.init(args=[])
     nodes: list[Node] = []
 
-    def declare(*overrides: str, on_change=None) -> tuple[Node, SimpleNamespace]:
+    def declare(*overrides: str, on_change=None, file='') -> tuple[Node, SimpleNamespace]:
         arguments = ['--ros-args', *(part for text in overrides for part in ('-p', text))]
-        nodes.append(Node('test', cli_args=arguments if overrides else None))
+        arguments += ['--params-file', str(file)] if file else []
+        nodes.append(Node('test', cli_args=arguments if arguments[1:] else None))
         return nodes[-1], TABLE.declare(nodes[-1], on_change)
 
     yield declare
@@ -52,6 +54,16 @@ def test_defaults_and_overrides(declare) -> None:
     assert isinstance(values.rate, float)
     assert values.gains == [1.0, 2.0]
     assert (values.mode, values.topics, values.count, values.enabled) == ('move', ['x'], 3, False)
+
+
+def test_only_a_list_may_be_empty_in_a_file(declare, tmp_path: Path) -> None:
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/test: {ros__parameters: {gains: [], topics: []}}')
+    _, values = declare(file=file)
+    assert (values.gains, values.topics) == ([], [])
+    file.write_text('/test: {ros__parameters: {rate: []}}')
+    with pytest.raises(ParameterError, match='rate must be a finite number'):
+        declare(file=file)
 
 
 @pytest.mark.parametrize(
