@@ -243,7 +243,6 @@ def test_bad_input_is_one_line(tmp_path: Path, environment) -> None:
     TrajectoryFile(wild, NAMES).save(path)
     for parameters, message in (
         ({'amplitude': 2.0}, 'exceeds its limit in'),
-        ({'fundamental': 5.0}, 'highest harmonic'),
         ({'trajectory': '/nowhere/file.yaml'}, '/nowhere/file.yaml cannot be read (No such file'),
         ({'trajectory': path}, f'{path} is infeasible: '),
         ({'drone_file': 'config/drone.yaml', 'rotor_share': 0.1}, 'could not hover'),
