@@ -65,7 +65,7 @@ class CommandLine:
             '',
             self._description,
             '',
-            'Parameters (`ros2 param set` changes those marked live while the node runs):',
+            'Parameters (`arm set` changes those marked live while the node runs):',
         ]
         parameters = list(self._parameters.values())
         groups = dict.fromkeys(['', *(parameter.group for parameter in parameters)])

@@ -21,7 +21,7 @@ Plays a motion.
 
 Usage: player
 
-Parameters (`ros2 param set` changes those marked live while the node runs):
+Parameters (`arm set` changes those marked live while the node runs):
   periods (integer, default 2, from 1 to 10)
       how often
   gains (double list [Nm/rad], default [1.0, 2.0], at least 0.0, live)
