@@ -13,11 +13,17 @@ from collections.abc import Sequence
 from functools import partial
 from math import isfinite
 from pathlib import Path
+from threading import Timer
 from typing import Any, NoReturn
 
 from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
-from aerarm_ros.ros.process.process_end import USER_ERROR, print_error, without_ros_arguments
+from aerarm_ros.ros.process.process_end import (
+    USER_ERROR,
+    print_error,
+    print_notice,
+    without_ros_arguments,
+)
 
 NAME = 'arm'
 _FAKE = 'fake_hardware'
@@ -81,6 +87,7 @@ _COMMISSION = (
     'guide the user through the first power-on of each joint: THE ARM MOVES after a confirmation'
 )
 _TIMEOUT = 20.0  # [s]
+_QUIET = 1.5  # [s] of loading without a message to the user
 # Twice the longest time that a new node needs to discover a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
 _PRESS = (
@@ -314,9 +321,13 @@ def main(args: Sequence[str] | None = None) -> int:
     options = parser.parse_args(given)
     if options.command == 'init':
         return _init(options)
+    loading = Timer(_QUIET, print_notice, (NAME, 'waiting for ROS 2 to load; the request follows'))
+    loading.daemon = True
+    loading.start()
     # Imported here, because help and `init` need no ROS.
     from aerarm_ros.ros.requests.arm_requests import HERE, run_request
 
+    loading.cancel()
     if options.command == 'record' and not options.here:
         status = run_request(options, args)
         if status != HERE:
