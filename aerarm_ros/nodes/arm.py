@@ -8,12 +8,12 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from threading import Timer
 from typing import Any, NoReturn
 
 from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, MODES
@@ -310,6 +310,10 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
     os.execv(sys.executable, [*command, '--ros-args', '-p', given, '--', *arguments[begin:]])
 
 
+def _report_loading(*_: object) -> None:
+    print_notice(NAME, 'waiting for ROS 2 to load; the request follows')
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command that the command line names; return 0 if the command succeeded."""
     arguments = list(sys.argv[1:] if args is None else args)
@@ -321,13 +325,13 @@ def main(args: Sequence[str] | None = None) -> int:
     options = parser.parse_args(given)
     if options.command == 'init':
         return _init(options)
-    loading = Timer(_QUIET, print_notice, (NAME, 'waiting for ROS 2 to load; the request follows'))
-    loading.daemon = True
-    loading.start()
+    before = signal.signal(signal.SIGALRM, _report_loading)
+    signal.setitimer(signal.ITIMER_REAL, _QUIET)
     # Imported here, because help and `init` need no ROS.
     from aerarm_ros.ros.requests.arm_requests import HERE, run_request
 
-    loading.cancel()
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    signal.signal(signal.SIGALRM, before)
     if options.command == 'record' and not options.here:
         status = run_request(options, args)
         if status != HERE:

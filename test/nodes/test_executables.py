@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from aerarm_ros import executables
 from aerarm_ros.realtime.scheduling import THREAD_VARIABLES
 from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR
 
@@ -51,6 +52,11 @@ def test_ctrl_c_at_the_start_is_quiet() -> None:
         _, said = process.communicate(timeout=60.0)
     assert said == ''
     assert process.returncode == INTERRUPTED
+
+
+def test_unknown_commands_are_no_attributes() -> None:
+    with pytest.raises(AttributeError):
+        executables._private  # noqa: B018
 
 
 # Those that need most, one after the other; at last something is used after all.
