@@ -12,6 +12,7 @@ PACKAGE = 'aerarm_ros'
 
 # Every bound has an upper end: a new major version is tried before it is let in.
 RUN_TIME = [
+    'argcomplete>=3.1,<4',
     'clarabel>=0.9,<0.12',
     'cryptography>=41,<60',
     'jinja2>=3.1,<4',

@@ -16,14 +16,17 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, NoReturn
 
+from aerarm_ros.executables import command_modules
 from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
+from aerarm_ros.motion.signals import REACTIONS
 from aerarm_ros.ros.process.process_end import (
     USER_ERROR,
     print_error,
     print_notice,
     without_ros_arguments,
 )
+from aerarm_ros.ros.process.ros_arguments import complete
 
 NAME = 'arm'
 _FAKE = 'fake_hardware'
@@ -121,6 +124,8 @@ def make_parser() -> argparse.ArgumentParser:
         help='joint angles of the posture, one per joint [rad]')  # fmt: skip
     _option(command, '--tolerance',
         'joint angle error below which the goal counts as reached [rad]', 0.05)  # fmt: skip
+    _option(command, '--on-contact', 'reaction of the controller to contact during this motion', '',
+        'the value of the parameter contact_reaction', choices=REACTIONS)  # fmt: skip
     command = add(
         'tool', 'move the tool to a position with the active Cartesian controller: THE ARM MOVES'
     )
@@ -154,6 +159,10 @@ def make_parser() -> argparse.ArgumentParser:
     _add_commission(add('commission', _COMMISSION))
     _add_calibrate(add('calibrate', _CALIBRATE))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
+    commands.add_parser(
+        'completion',
+        help='print shell code with which bash or zsh completes the options of all executables',
+    )
     return parser
 
 
@@ -310,6 +319,13 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
     os.execv(sys.executable, [*command, '--ros-args', '-p', given, '--', *arguments[begin:]])
 
 
+def _completion() -> str:
+    """Return the shell code with which bash or zsh completes the options of all executables."""
+    from argcomplete.shell_integration import shellcode
+
+    return f'# eval "$({NAME} completion)"\n{shellcode(list(command_modules()))}'
+
+
 def _report_loading(*_: object) -> None:
     print_notice(NAME, 'waiting for ROS 2 to load; the request follows')
 
@@ -318,16 +334,20 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run the command that the command line names; return 0 if the command succeeded."""
     arguments = list(sys.argv[1:] if args is None else args)
     parser = make_parser()
+    complete(parser)
     given = without_ros_arguments(arguments)
     if not given:
         parser.print_help()
         parser.exit()
     options = parser.parse_args(given)
+    if options.command == 'completion':
+        print(_completion())
+        return 0
     if options.command == 'init':
         return _init(options)
     before = signal.signal(signal.SIGALRM, _report_loading)
     signal.setitimer(signal.ITIMER_REAL, _QUIET)
-    # Imported here, because help and `init` need no ROS.
+    # Imported here, because help, completion and `init` need no ROS.
     from aerarm_ros.ros.requests.arm_requests import HERE, run_request
 
     signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import sys
 import textwrap
@@ -31,7 +32,15 @@ from aerarm_ros.ros.process.process_end import (
     print_error,
     print_notice,
 )
-from aerarm_ros.ros.process.ros_arguments import GivenParameter, RosArguments, UsageError
+from aerarm_ros.ros.process.ros_arguments import (
+    FILE,
+    PARAMETER,
+    REMAP,
+    GivenParameter,
+    RosArguments,
+    UsageError,
+    complete,
+)
 
 # Parameters that every node of rclpy has.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service')
@@ -40,7 +49,7 @@ _SIMILAR, _NEARLY_SAME = 0.6, 0.8
 
 
 class CommandLine:
-    """Check a node's command line, and print its help.
+    """Check a node's command line, and print its help and completions.
 
     Parameters
     ----------
@@ -76,6 +85,15 @@ class CommandLine:
                     lines.append(_wrap(parameter.heading(), width, 2, 6))
                     lines.append(_wrap(parameter.description, width, 6, 6))
         return '\n'.join(lines)
+
+    def complete(self) -> None:
+        """Print completions for the shell: ROS options, and parameter names after -p."""
+        parser = argparse.ArgumentParser(prog=self.name)
+        parser.add_argument('--ros-args', action='store_true')
+        rules = [f'{name}:=' for name in self._parameters]
+        for options, choices in ((PARAMETER, rules), (REMAP, None), ((FILE,), None)):
+            parser.add_argument(*options, action='append', choices=choices)
+        complete(parser)
 
     def check(self, arguments: RosArguments) -> list[str]:
         """Return warnings about probably misspelt parameter and node names.
@@ -277,11 +295,12 @@ def _run_node(
 
 
 def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:
-    """Check the command line, or print the help.
+    """Check the command line, or print help or completions.
 
     Return None if the node may start, otherwise the exit status of the process.
     """
     name = command_line.name
+    command_line.complete()
     try:
         arguments = RosArguments(sys.argv[1:] if args is None else args)
         if set(arguments.plain) & {'-h', '--help'}:

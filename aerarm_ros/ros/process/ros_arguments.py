@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
@@ -15,8 +16,26 @@ from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data
 from aerarm_ros.ros.process.process_end import USER_ERROR
 
 
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Print completions and end the process if a shell requests them; otherwise do nothing."""
+    if '_ARGCOMPLETE' in os.environ:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+
+
 class OneLineParser(argparse.ArgumentParser):
-    """Argument parser that prints an error as one line with a reference to --help."""
+    """Argument parser that prints an error as one line with a reference to --help.
+
+    The parser also prints completions if a shell requests them.
+    """
+
+    def parse_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> argparse.Namespace:
+        """Parse arguments as `argparse.ArgumentParser.parse_args` does."""
+        complete(self)
+        return super().parse_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Print the error and end the process."""

@@ -93,7 +93,7 @@ def _motion(node: Node, options: argparse.Namespace) -> Request:
     def ask() -> None:
         timeout = options.timeout
         if isinstance(request, SetPointRequest):
-            result = request.go(options.angle, options.tolerance, timeout)
+            result = request.go(options.angle, options.tolerance, timeout, options.on_contact)
         elif isinstance(request, ToolRequest):
             place = options.x, options.y, options.z
             result = request.go(place, options.tolerance, timeout, options.frame)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
@@ -24,6 +25,7 @@ from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.graph import can_move, listeners
 from aerarm_ros.ros.messages import fill, vector
 from aerarm_ros.ros.requests.arm_client import ArmClientError
+from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 POINT_PERIOD = 0.02
 """Time between two trajectory points [s], short enough for quintic interpolation."""
@@ -210,7 +212,9 @@ class SetPointRequest(_MotionRequest):
         self._state: JointState | None = None
         topics.JOINT_STATES.subscription(node, self._on_state)
 
-    def go(self, posture: Sequence[float], tolerance: float, timeout: float) -> str:
+    def go(
+        self, posture: Sequence[float], tolerance: float, timeout: float, reaction: str = ''
+    ) -> str:
         """Move the arm to a posture, wait until it arrives, and return the result.
 
         Parameters
@@ -221,6 +225,9 @@ class SetPointRequest(_MotionRequest):
             Largest error of each joint at the goal [rad].
         timeout
             Longest time to find bridge and controller, and again for the motion [s].
+        reaction
+            Value of the controllers' parameter `contact_reaction` during this motion; unchanged
+            if empty.
 
         Raises
         ------
@@ -236,6 +243,18 @@ class SetPointRequest(_MotionRequest):
             raise ArmClientError(
                 f'the arm needs {len(names)} joint positions [rad], for {", ".join(names)}'
             )
+        controllers = filter(can_move, listeners(self._node, self._publisher.topic_name))
+        with ExitStack() as stack:
+            for controller in controllers if reaction else ():
+                request = ParameterRequest(self._node, controller, timeout)
+                stack.enter_context(request.during('contact_reaction', reaction))
+            self._move(names, posture, tolerance, timeout)
+        return 'the arm has reached its goal'
+
+    def _move(
+        self, names: list[str], posture: Sequence[float], tolerance: float, timeout: float
+    ) -> None:
+        """Publish the set point, and wait until the arm reaches it, or raise ArmClientError."""
         self._rejections.begin(timeout)
         self._publisher.publish(JointState(name=names, position=list(posture)))
 
@@ -260,7 +279,6 @@ class SetPointRequest(_MotionRequest):
                 f'after {timeout:g} s, and arm_mode is {self._mode}: check the log of the '
                 'controller'
             )
-        return 'the arm has reached its goal'
 
     def _on_state(self, message: JointState) -> None:
         self._state = message

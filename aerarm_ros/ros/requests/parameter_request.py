@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import Any
 
@@ -71,6 +72,16 @@ class ParameterRequest:
         if not answer.successful:
             raise ArmClientError(f'the node {target} rejects the value: {answer.reason}')
         return parameter.value
+
+    @contextmanager
+    def during(self, name: str, text: str) -> Iterator[None]:
+        """Set a string parameter while a `with` block runs, then restore its former value."""
+        former = self._result(lambda: self._client.get_parameters([name])).values
+        self.set(name, text)
+        try:
+            yield
+        finally:
+            self.set(name, former[0].string_value)
 
     def _result(self, ask: Callable[[], Future]) -> Any:
         # An answer is lost if the node has not yet discovered the client.

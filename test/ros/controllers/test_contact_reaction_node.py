@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from aerarm_msgs_py import topics
+from aerarm_ros.ros.process.node_process import NodeProcess
 
 HERE = np.array([0.0, 0.5 * np.pi, 0.0, 0.0])
 GOAL = [0.9, 1.2, 0.4, -0.6]
@@ -43,15 +44,26 @@ def stop_on_the_path_and_return(bench: ControllerBench) -> None:
         assert process.stop() == 0, process.tail()
 
 
+def restore_the_reaction_after_an_interruption(bench: ControllerBench) -> None:
+    with bench.controller('computed_torque', contact_reaction='stop') as process:
+        words = ('go', *map(str, GOAL), '--on-contact', 'retreat', '--timeout', '100')
+        with NodeProcess('arm', words, {}, None, bench.folder / 'arm.log') as asking:
+            bench.wait(lambda: moved(bench) > 0.05, 'the motion')
+            assert bench.parameter('computed_torque', 'contact_reaction') == 'retreat'
+            assert asking.stop() == 130, asking.tail()
+        assert bench.parameter('computed_torque', 'contact_reaction') == 'stop'
+        assert process.stop() == 0, process.tail()
+
+
 def go_reports_the_contact(bench: ControllerBench) -> None:
-    with bench.controller('gravity_compensation', contact_reaction='retreat') as process:
+    with bench.controller('gravity_compensation') as process:
         contact = bench.publisher(topics.CONTACT)
         bench.wait(lambda: bench.mode == 'running', 'commands')
         answers, start = [], bench.q
         words = ['-0.9', '1.9', '-0.4', '0.6']
 
         def go() -> None:
-            answers.append(run('arm', 'go', *words, '--timeout', '100'))
+            answers.append(run('arm', 'go', *words, '--on-contact', 'retreat', '--timeout', '100'))
 
         def touch(_: JointState) -> None:
             if np.abs(bench.q - start).max() > 0.05:
@@ -65,6 +77,7 @@ def go_reports_the_contact(bench: ControllerBench) -> None:
         (answer,) = answers
         assert answer.returncode == 1, answer.stderr
         assert 'stopped: contact (retreat)' in answer.stderr
+        assert bench.parameter('gravity_compensation', 'contact_reaction') == 'report'
         assert process.stop() == 0, process.tail()
 
 
@@ -74,6 +87,7 @@ def test_a_contact_stops_the_motion(tmp_path: Path, ros_node: Node) -> None:
     with bench.hardware:
         bench.start()
         stop_on_the_path_and_return(bench)
+        restore_the_reaction_after_an_interruption(bench)
         go_reports_the_contact(bench)
 
 
