@@ -16,41 +16,21 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from aerarm_ros.description.config_reader import DescriptionError, check_prefix
 from aerarm_ros.description.resources import find_file
 
-# Launch arguments that name a file; an empty value names none.
-FILES = (
-    'params_file',
-    'config',
-    'urdf',
-    'plant_urdf',
-    'drone_file',
-    'excitation_config',
-    'trajectory',
-    'identified',
-)
-
-
-# Launch arguments that also accept the name of a packaged file. The package contains no file for
-# `trajectory` and `identified`, which are results of a run.
+# Launch arguments that name a packaged file or another file; an empty value names none.
 PACKAGED = ('params_file', 'config', 'urdf', 'plant_urdf', 'drone_file', 'excitation_config')
-
-
-# ROS packages and Python modules that a value of a launch argument requires.
-_PACKAGES = {('rviz', 'true'): ('rviz2', 'robot_state_publisher')}
-
-
+# Launch arguments that name a file. The package contains no results of a run.
+FILES = (*PACKAGED, 'trajectory', 'identified')
+# ROS packages that RViz needs.
+_RVIZ = ('rviz2', 'robot_state_publisher')
+# Python module that a value of a launch argument requires, and how to install it.
 _MODULES = {
-    ('hardware', 'fake'): 'mujoco',
-    ('hardware', 'spi'): 'spidev',
-    ('view', 'true'): 'viser',
-    ('autopilot', 'px4'): 'px4_msgs',
-}
-
-
-_HOW = {
-    'px4_msgs': 'build the repository px4_msgs of PX4 in the same workspace',
-    'spidev': "pip install 'spidev>=3.5,<4'",
-    'viser': "pip install 'viser>=1.1,<2'",
-    'mujoco': 'pip install -r requirements-apt.txt',
+    ('hardware', 'fake'): ('mujoco', 'pip install -r requirements-apt.txt'),
+    ('hardware', 'spi'): ('spidev', "pip install 'spidev>=3.5,<4'"),
+    ('view', 'true'): ('viser', "pip install 'viser>=1.1,<2'"),
+    ('autopilot', 'px4'): (
+        'px4_msgs',
+        'build the repository px4_msgs of PX4 in the same workspace',
+    ),
 }
 
 
@@ -64,58 +44,29 @@ def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[
     packages
         ROS packages that the launch file needs for all arguments.
     """
-    needed = [('this launch file needs', package) for package in packages]
-    needed += [
-        (f'{name}:={value} needs', package)
-        for (name, value), of_value in _PACKAGES.items()
-        for package in of_value
-        if arguments.get(name) == value
-    ]
-    return [
-        *_wrong_prefix(arguments),
-        *_missing_drone(arguments),
-        *_missing_files(arguments),
-        *_missing_packages(needed),
-        *_missing_modules(arguments),
-    ]
+    return list(_missing(arguments, packages))
 
 
-def packaged_files(arguments: Mapping[str, str]) -> dict[str, str]:
-    """Return the path of each packaged file that a launch argument names, by argument name.
-
-    ROS needs a path to the parameter file, and launch needs paths to the URDFs.
-    """
-    given = {name: arguments.get(name, '').strip("'") for name in PACKAGED}
-    found = {name: str(find_file(path)) for name, path in given.items() if path}
-    return {name: path for name, path in found.items() if path != given[name]}
-
-
-def _wrong_prefix(arguments: Mapping[str, str]) -> Iterator[str]:
+def _missing(arguments: Mapping[str, str], packages: Sequence[str]) -> Iterator[str]:
     try:
         check_prefix(arguments.get('tf_prefix', ''))
     except DescriptionError as error:
         yield str(error)
-
-
-def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:
-    if arguments.get('base_motion') == 'free' and not arguments.get('drone_file', '').strip("'"):
+    if arguments.get('base_motion') == 'free' and not _path(arguments, 'drone_file'):
         yield (
             'base_motion:=free needs a drone file: pass drone_file:=config/drone.yaml or another '
             'file, or set base_motion:=full for a heavy base or a ground vehicle'
         )
-
-
-def _missing_files(arguments: Mapping[str, str]) -> Iterator[str]:
     packaged = packaged_files(arguments)
     for name in FILES:
-        path = packaged.get(name, arguments.get(name, '').strip("'"))
+        path = packaged.get(name) or _path(arguments, name)
         if path and not os.path.isfile(path):
             yield f'the file {path} (argument {name}) does not exist: check the path'
         elif path and not os.access(path, os.R_OK):
             yield f'the file {path} (argument {name}) is not readable: check its permissions'
-
-
-def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
+    needed = [('this launch file needs', package) for package in packages]
+    if arguments.get('rviz') == 'true':
+        needed += [('rviz:=true needs', package) for package in _RVIZ]
     for what_for, package in needed:
         try:
             get_package_prefix(package)
@@ -125,12 +76,21 @@ def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
                 f'{what_for} the ROS package {package}, which is not installed: sudo apt install '
                 f'{apt}'
             )
-
-
-def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:
-    for (name, value), module in _MODULES.items():
+    for (name, value), (module, how) in _MODULES.items():
         if arguments.get(name) == value and find_spec(module) is None:
-            yield (
-                f'the launch argument {name}:={value} needs the Python package {module}: '
-                f'{_HOW[module]}'
-            )
+            yield f'the launch argument {name}:={value} needs the Python package {module}: {how}'
+
+
+def _path(arguments: Mapping[str, str], name: str) -> str:
+    """Return the path in a launch argument; launch writes an empty value in quotes."""
+    return arguments.get(name, '').strip("'")
+
+
+def packaged_files(arguments: Mapping[str, str]) -> dict[str, str]:
+    """Return the path of each packaged file that a launch argument names, by argument name.
+
+    ROS needs a path to the parameter file, and launch needs paths to the URDFs.
+    """
+    given = {name: _path(arguments, name) for name in PACKAGED}
+    found = {name: str(find_file(path)) for name, path in given.items() if path}
+    return {name: path for name, path in found.items() if path != given[name]}

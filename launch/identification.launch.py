@@ -63,7 +63,7 @@ def generate_launch_description() -> LaunchDescription:
         'excitation',
         {
             **arm_parameters('seed', 'periods', 'trajectory', 'excitation_config'),
-            'subscribers': 2,  # the bridge and the recorder
+            'wait_for_recorder': True,
             'wait_timeout': WAIT_FOR_A_PERSON,
         },
         namespace=namespace,

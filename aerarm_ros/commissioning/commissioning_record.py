@@ -153,13 +153,12 @@ class CommissioningRecord:
 
     def save(self, path: Path) -> None:
         """Write the record file; if an OSError occurs, the previous file remains unchanged."""
-        joints = {name: _plain(entry) for name, entry in self.joints.items()}
         document = {
             'format': _FORMAT,
             'arm': self.arm,
             'emulated': self.emulated,
             'date': self.date.isoformat(timespec='seconds') if self.date else '',
-            'joints': joints,
+            'joints': {name: _plain(entry) for name, entry in self.joints.items()},
         }
         write_whole(path, _HEADER + yaml.safe_dump(document, sort_keys=False, allow_unicode=True))
 
@@ -183,13 +182,14 @@ def load_record(path: Path) -> CommissioningRecord:
     try:
         if document.get('format') != _FORMAT:
             raise ConfigError(f'format = {document.get("format")!r} must be {_FORMAT}')
-        joints = {str(name): _entry(entry) for name, entry in _mapping(document, 'joints').items()}
-        date = document.get('date')
+        joints, date = document.get('joints'), document.get('date')
+        if not isinstance(joints, dict):
+            raise ConfigError(f'joints = {joints!r} is not a mapping')
         return CommissioningRecord(
             str(document.get('arm', '')),
             document.get('emulated') is True,
             _date(date) if date else None,
-            joints,
+            {str(name): _entry(entry) for name, entry in joints.items()},
         )
     except ConfigError as error:
         raise ConfigError(
@@ -209,50 +209,43 @@ def _configuration(joint: JointConfig) -> dict[str, float]:
     }
 
 
-def _plain(entry: JointRecord) -> dict[str, Any]:
-    def rounded(values: Mapping[str, float]) -> dict[str, float]:
-        return {
-            key: value if isinstance(value, int) else float(f'{value:.{_DIGITS}g}')
-            for key, value in values.items()
-        }
+def _rounded(values: Mapping[str, float]) -> dict[str, float]:
+    return {
+        key: value if isinstance(value, int) else float(f'{value:.{_DIGITS}g}')
+        for key, value in values.items()
+    }
 
+
+def _plain(entry: JointRecord) -> dict[str, Any]:
     return {
         'passed': entry.passed,
         'date': entry.date.isoformat(timespec='seconds'),
-        **rounded(entry.measured),
+        **_rounded(entry.measured),
         'findings': list(entry.findings),
-        'configuration': rounded(entry.configuration),
+        'configuration': _rounded(entry.configuration),
     }
 
 
 def _entry(entry: Any) -> JointRecord:
     if not isinstance(entry, dict):
         raise ConfigError(f'joints: {entry!r} is not the entry of a joint')
-    findings = entry.get('findings')
-    if not isinstance(findings, list) or entry.get('passed') is not (not findings):
+    measured = dict(entry)
+    passed, date, findings, configuration = (
+        measured.pop(key, None) for key in ('passed', 'date', 'findings', 'configuration')
+    )
+    if not isinstance(findings, list) or passed is not (not findings):
         raise ConfigError("joints: the entries 'passed' and 'findings' contradict each other")
-    measured = {key: value for key, value in entry.items() if isinstance(value, float | int)}
-    measured.pop('passed', None)
-    _check_numbers(measured)
-    offset = measured.get('pulse_offset', 0.0)
-    if not 0.0 <= offset < 2.0 * pi + _SAME:
-        raise ConfigError(f'joints: pulse_offset = {offset} must lie between 0 and 2 pi')
-    configuration = _mapping(entry, 'configuration')
-    _check_numbers(configuration)
-    return JointRecord(_date(entry.get('date')), tuple(map(str, findings)), measured, configuration)
+    if not 0.0 <= _numbers(measured).get('pulse_offset', 0.0) < 2.0 * pi + _SAME:
+        raise ConfigError('joints: pulse_offset must lie between 0 and 2 pi')
+    return JointRecord(_date(date), tuple(map(str, findings)), measured, _numbers(configuration))
 
 
-def _check_numbers(values: Mapping[Any, Any]) -> None:
-    for key, value in values.items():
+def _numbers(values: Any) -> dict[str, float]:
+    """Return a mapping to finite numbers; raise ConfigError for anything else."""
+    for key, value in values.items() if isinstance(values, dict) else [('configuration', values)]:
         if not isinstance(value, float | int) or not isfinite(value):
             raise ConfigError(f'joints: {key} = {value!r} is not a number')
-
-
-def _mapping(document: Mapping[str, Any], key: str) -> dict[str, Any]:
-    value = document.get(key)
-    if not isinstance(value, dict):
-        raise ConfigError(f'{key} = {value!r} is not a mapping')
-    return value
+    return dict(values)
 
 
 def _date(value: Any) -> datetime:

@@ -77,7 +77,7 @@ STOPS = {'disable', 'e_stop'}
 # If the client's namespace has no arm, this action goes to every arm: damping one arm too many is
 # safe, missing one is not.
 REACHES_ALL = {'e_stop'}
-NOT_ACTIVE = 'the bridge is not active: activate it first (ros2 lifecycle set)'
+NOT_ACTIVE = 'the bridge is not active: activate it first (autostart:=true or ros2 lifecycle set)'
 """Message in the answer of a service while the bridge runs no cycles."""
 BRIDGES = ('hardware_bridge', 'fake_hardware')
 """Names of the two bridge nodes."""

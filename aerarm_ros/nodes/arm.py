@@ -8,16 +8,24 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import sys
 from collections.abc import Sequence
+from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
+from aerarm_ros.executables import command_modules
 from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
 from aerarm_ros.motion.signals import REACTIONS
-from aerarm_ros.ros.process.process_end import USER_ERROR, print_error, without_ros_arguments
+from aerarm_ros.ros.process.process_end import (
+    USER_ERROR,
+    print_error,
+    print_notice,
+    without_ros_arguments,
+)
 from aerarm_ros.ros.process.ros_arguments import complete
 
 NAME = 'arm'
@@ -82,6 +90,7 @@ _COMMISSION = (
     'guide the user through the first power-on of each joint: THE ARM MOVES after a confirmation'
 )
 _TIMEOUT = 20.0  # [s]
+_QUIET = 1.5  # [s] of loading without a message to the user
 # Twice the longest time that a new node needs to discover a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
 _PRESS = (
@@ -95,12 +104,9 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
         description='Send one request to the bridge or another node and print the result.',
-        epilog=(
-            f'{NAME} COMMAND --help prints the options of a command. Examples: {NAME} home --wait '
-            'ready; '
-            f'{NAME} enable --wait ready; {NAME} go 0 1.57 0 0; {NAME} set computed_torque kp '
-            "'[900.0]'"
-        ),
+        epilog=f'{NAME} COMMAND --help prints the options of a command. Examples: {NAME} home '
+        f'--wait ready; {NAME} enable --wait ready; {NAME} go 0 1.57 0 0; '
+        f"{NAME} set computed_torque kp '[900.0]'",
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
@@ -108,77 +114,48 @@ def make_parser() -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=meaning, description=meaning)
         # A stop request must report sooner that no bridge answers.
         timeout = _STOP_TIMEOUT if name == 'e_stop' else _TIMEOUT
-        command.add_argument(
-            '--timeout',
-            type=positive_number,
-            default=timeout,
-            help=f'time limit for each step of the command [s] (default: {timeout:g})',
-        )
+        _option(command, '--timeout', 'time limit for each step of the command [s]', timeout)
         return command
 
     for name in (*ACTIONS, 'put_back'):
-        command = add(name, _MEANING[name])
-        _add_waits(command, _RECEIVERS.get(name, ' or '.join(BRIDGES)))
-        if name == 'e_stop':
-            command.add_argument('--all', action='store_true',
-                help='send the request to the bridges of all namespaces')  # fmt: skip
-        if name == 'enable':
-            command.add_argument('--home', action='store_true', help=_HOME)
+        _add_service(add(name, _MEANING[name]), name)
     command = add('go', 'move the arm to a posture with the active controller: THE ARM MOVES')
     command.add_argument('angle', type=finite_number, nargs='+',
         help='joint angles of the posture, one per joint [rad]')  # fmt: skip
-    command.add_argument(
-        '--tolerance',
-        type=positive_number,
-        default=0.05,
-        help='joint angle error below which the goal counts as reached [rad] (default: 0.05)',
-    )
-    command.add_argument('--on-contact', choices=REACTIONS, default='',
-        help='reaction of the controller to contact during this motion (default: the value of '
-             'the parameter contact_reaction)')  # fmt: skip
+    _option(command, '--tolerance',
+        'joint angle error below which the goal counts as reached [rad]', 0.05)  # fmt: skip
+    _option(command, '--on-contact', 'reaction of the controller to contact during this motion', '',
+        'the value of the parameter contact_reaction', choices=REACTIONS)  # fmt: skip
     command = add(
         'tool', 'move the tool to a position with the active Cartesian controller: THE ARM MOVES'
     )
     _add_vector(command, 'coordinate of the position in --frame [m]')
-    command.add_argument('--frame', choices=('base', 'world'), default='base',
-        help="frame of the position: 'base' is the arm's base_link; 'world' is the frame of the "
-             "drone's odometry, and needs the controller world_control (default: "
-             'base)')  # fmt: skip
-    command.add_argument('--tolerance', type=positive_number, default=0.01,
-        help='distance between tool and position below which the goal counts as reached [m] '
-             '(default: 0.01)')  # fmt: skip
-    command = add('press', _PRESS)
-    _add_vector(command, 'component of the force in the world frame [N]')
+    _option(command, '--frame',
+        "frame of the position: 'base' is the arm's base_link; 'world' is the frame of the "
+        "drone's odometry, and needs the controller world_control", 'base',
+        choices=('base', 'world'))  # fmt: skip
+    _option(command, '--tolerance',
+        'distance between tool and position below which the goal counts as reached [m]',
+        0.01)  # fmt: skip
+    _add_vector(add('press', _PRESS), 'component of the force in the world frame [N]')
     for name, (executable, _, what, meaning) in _PROGRAMS.items():
-        command = commands.add_parser(
-            name,
-            help=meaning,
-            description=f'{meaning[0].upper()}{meaning[1:]}. The command starts the node '
-            f'{executable}.',
+        description = (
+            f'{meaning[0].upper()}{meaning[1:]}. The command starts the node {executable}.'
         )
+        command = commands.add_parser(name, help=meaning, description=description)
         command.add_argument('what', metavar=what)
         if name == 'record':
-            command.add_argument(
-                '--here', action='store_true', help='record on this computer, not on the drone'
-            )
+            _option(command, '--here', 'record on this computer, not on the drone')
     command = add('set', 'set a parameter of a running node')
     command.add_argument('node', help='name of the node, for example computed_torque')
     command.add_argument('name', help='name of the parameter')
-    command.add_argument(
-        'value', help='new value of the parameter, for example 0.5, true or "[900.0]"'
-    )
+    command.add_argument('value',
+        help='new value of the parameter, for example 0.5, true or "[900.0]"')  # fmt: skip
     command = add('fault', f'inject a fault into the boards that the node {_FAKE} emulates')
-    command.add_argument(
-        'fault', metavar=FORM, help=f'fault to inject; NAME is one of {", ".join(FAULTS)}'
-    )
-    command.add_argument(
-        '--bridge',
-        metavar='NODE',
-        default=_FAKE,
-        help=f'name of the node that emulates the arm (default: {_FAKE})',
-    )
-    command = add('fetch', _FETCH)
-    command.add_argument('what', metavar='NAME', help='name of the bag on the drone')
+    command.add_argument('fault', metavar=FORM,
+        help=f'fault to inject; NAME is one of {", ".join(FAULTS)}')  # fmt: skip
+    _option(command, '--bridge', 'name of the node that emulates the arm', _FAKE, metavar='NODE')
+    add('fetch', _FETCH).add_argument('what', metavar='NAME', help='name of the bag on the drone')
     _add_commission(add('commission', _COMMISSION))
     _add_calibrate(add('calibrate', _CALIBRATE))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
@@ -189,100 +166,119 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _option(
+    command: argparse.ArgumentParser,
+    name: str,
+    meaning: str,
+    default: Any = False,
+    otherwise: str = '',
+    **settings: Any,
+) -> None:
+    """Add an option, whose help states the default, or in words what holds `otherwise`.
+
+    A number is positive. An option with the default False is a switch.
+    """
+    kinds: dict[type, dict[str, Any]] = {
+        bool: {'action': 'store_true'},
+        int: {'type': int},
+        float: {'type': positive_number},
+    }
+    shown = f'{default:g}' if isinstance(default, float) else str(default)
+    has_default = default is not False and (otherwise or isinstance(default, int | float | str))
+    text = f'{meaning} (default: {otherwise or shown})' if has_default else meaning
+    command.add_argument(
+        name, **{**kinds.get(type(default), {}), 'default': default, 'help': text, **settings}
+    )
+
+
+def _add_service(command: argparse.ArgumentParser, name: str) -> None:
+    """Add the options of a command that calls a service of the bridge."""
+    receivers = _RECEIVERS.get(name, ' or '.join(BRIDGES))
+    _option(command, '--bridge', 'name of the bridge that receives the request', [], receivers,
+        action='append', metavar='NODE')  # fmt: skip
+    command.add_argument('--wait-before', choices=MODES, metavar='MODE',
+        help='wait for this mode of the arm before sending the request')  # fmt: skip
+    command.add_argument('--wait', nargs='+', choices=MODES, metavar='MODE',
+        help='after the request, wait until the arm is in one of these modes')  # fmt: skip
+    if name == 'e_stop':
+        _option(command, '--all', 'send the request to the bridges of all namespaces')
+    if name == 'enable':
+        _option(command, '--home', _HOME)
+
+
 def _add_vector(command: argparse.ArgumentParser, meaning: str) -> None:
     for axis in 'xyz':
         command.add_argument(axis, type=finite_number, help=f'{axis} {meaning}')
 
 
-def _add_arm_files(command: argparse.ArgumentParser) -> None:
-    for option, what in (
-        ('--config', 'configuration file of the arm, the same as that of the bridge'),
-        ('--urdf', 'URDF of the arm'),
-    ):
-        command.add_argument(
-            option, default='', metavar='FILE', help=f'{what} (default: the packaged file)'
-        )
+_FILES = {
+    '--config': 'configuration file of the arm, the same as that of the bridge',
+    '--urdf': 'URDF of the arm',
+    '--excitation-config': 'YAML file with the minimum clearances of the arm and the height of the '
+    'ground',
+}
+
+
+def _add_files(command: argparse.ArgumentParser, *names: str) -> None:
+    for name in names:
+        _option(command, name, _FILES[name], '', 'the packaged file', metavar='FILE')
 
 
 def _add_commission(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add('--joint', action='append', default=[], metavar='NAME', help='joint to commission; repeat '
-        'the option for several joints (default: all joints)')  # fmt: skip
-    add('--resume', action='store_true',
-        help='commission only joints that have not passed in an earlier run')  # fmt: skip
-    _add_arm_files(command)
-    add('--record', default='', metavar='FILE', help=(
-        'file for the results (default: CONFIG.commissioning.yaml next to the configuration)'
-    ))  # fmt: skip
-    add('--yes', action='store_true', help=(
-        'perform and confirm all manual steps automatically; with emulated boards only'
-    ))  # fmt: skip
-    add('--bridge', metavar='NODE', default=_FAKE, help='name of the node that emulates the '
-        f'boards, used with --yes (default: {_FAKE})')  # fmt: skip
+    add = partial(_option, command)
+    add('--joint', 'joint to commission; repeat the option for several joints', [], 'all joints',
+        action='append', metavar='NAME')  # fmt: skip
+    add('--resume', 'commission only joints that have not passed in an earlier run')
+    _add_files(command, '--config', '--urdf')
+    add('--record', 'file for the results', '',
+        'CONFIG.commissioning.yaml next to the configuration', metavar='FILE')  # fmt: skip
+    add('--yes', 'perform and confirm all manual steps automatically; with emulated boards only')
+    add('--bridge', 'name of the node that emulates the boards, used with --yes', _FAKE,
+        metavar='NODE')  # fmt: skip
 
 
 def _add_calibrate(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add('--postures', type=int, default=40, metavar='N',
-        help='number of calibration postures (default: 40)')  # fmt: skip
-    add('--rest', type=positive_number, default=1.0, help=(
-        'time for which the arm rests in each calibration posture [s] (default: 1)'
-    ))  # fmt: skip
-    add('--span', type=positive_number, default=0.8, help=(
-        'fraction of each joint range in which the program chooses postures (default: 0.8)'
-    ))  # fmt: skip
-    add('--sensors', nargs='+', default=[], metavar='TOPIC', help=(
-        'topics with marker positions or poses to record (default: all topics of these types that '
-        'programs outside this suite publish)'
-    ))  # fmt: skip
-    add('--link', default='', metavar='NAME',
-        help='link to which the markers are attached (default: the last link)')  # fmt: skip
-    add('--camera', nargs=3, type=finite_number, metavar=('X', 'Y', 'Z'), help=(
+    add = partial(_option, command)
+    add('--postures', 'number of calibration postures', 40, metavar='N')
+    add('--rest', 'time for which the arm rests in each calibration posture [s]', 1.0)
+    add('--span', 'fraction of each joint range in which the program chooses postures', 0.8)
+    add('--sensors', 'topics with marker positions or poses to record', [],
+        'all topics of these types that programs outside this suite publish',
+        nargs='+', metavar='TOPIC')  # fmt: skip
+    add('--link', 'link to which the markers are attached', '', 'the last link', metavar='NAME')
+    command.add_argument('--camera', nargs=3, type=finite_number, metavar=tuple('XYZ'), help=(
         'position of a camera in the base frame [m]; the program then chooses only postures in '
         'which the marker faces the camera'
     ))  # fmt: skip
-    add('--marker-normal', nargs=3, type=finite_number,
-        metavar=('X', 'Y', 'Z'), help=(
+    add('--marker-normal',
         'normal vector of the marker, in the frame of the link that carries the marker; needs '
-        '--camera (default: 0 0 1)'
-    ))  # fmt: skip
-    _add_arm_files(command)
-    add('--excitation-config', default='', metavar='FILE', help=(
-        'YAML file with the minimum clearances of the arm and the height of the ground (default: '
-        'the packaged file)'
-    ))  # fmt: skip
-    add('--out', default='', metavar='BAG',
-        help='name of the recorded bag (default: calibration_DATE_TIME)')  # fmt: skip
-    add('--seed', type=int, default=0,
-        help='seed of the random postures among which the program chooses (default: '
-        '0)')  # fmt: skip
-    add('--dry-run', action='store_true', help='print the postures without moving the arm')
+        '--camera', None, '0 0 1', nargs=3, type=finite_number, metavar=tuple('XYZ'))  # fmt: skip
+    _add_files(command, '--config', '--urdf', '--excitation-config')
+    add('--out', 'name of the recorded bag', '', 'calibration_DATE_TIME', metavar='BAG')
+    add('--seed', 'seed of the random postures among which the program chooses', 0)
+    add('--dry-run', 'print the postures without moving the arm')
 
 
 def _add_init(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add('urdf', type=Path, help='URDF file of the arm')
-    add(
-        '--name',
-        default='',
-        help='name of the arm and of the written files (default: the name in the URDF)',
-    )
-    add('--out', type=Path, default=Path(), metavar='FOLDER',
-        help='folder for the written files (default: the current folder)')  # fmt: skip
-    add('--locked', nargs='+', default=[], metavar='JOINT',
-        help='joints of the URDF that do not belong to the arm, for example gripper joints; the '
-             'model treats these joints as fixed')  # fmt: skip
-    add('--gravity', type=finite_number, nargs=3, default=[0.0, 0.0, -9.81], metavar=tuple('XYZ'),
-        help='gravity in the frame of the base link [m/s^2] (default: 0 0 -9.81; set 0 0 9.81 '
-             'for an arm mounted upside down)')  # fmt: skip
-    add('--package-directory', type=Path, action='append', default=[], metavar='FOLDER',
-        help='folder in which to search for meshes that the URDF names by package:// '
-             'addresses')  # fmt: skip
-    add('--estimate', type=Path, metavar='FILE', help=(
-        'file estimate.yaml of the identifier, with friction and rotor inertias (default: rough '
-        'guesses)'
+    add = partial(_option, command)
+    command.add_argument('urdf', type=Path, help='URDF file of the arm')
+    add('--name', 'name of the arm and of the written files', '', 'the name in the URDF')
+    add('--out', 'folder for the written files', Path(), 'the current folder', type=Path,
+        metavar='FOLDER')  # fmt: skip
+    command.add_argument('--locked', nargs='+', default=[], metavar='JOINT', help=(
+        'joints of the URDF that do not belong to the arm, for example gripper joints; the '
+        'model treats these joints as fixed'
     ))  # fmt: skip
-    add('--overwrite', action='store_true', help='overwrite existing files')
+    add('--gravity', 'gravity in the frame of the base link [m/s^2]', [0.0, 0.0, -9.81],
+        '0 0 -9.81; set 0 0 9.81 for an arm mounted upside down', nargs=3, type=finite_number,
+        metavar=tuple('XYZ'))  # fmt: skip
+    command.add_argument('--package-directory', type=Path, action='append', default=[],
+        metavar='FOLDER', help=(
+        'folder in which to search for meshes that the URDF names by package:// addresses'
+    ))  # fmt: skip
+    add('--estimate', 'file estimate.yaml of the identifier, with friction and rotor inertias',
+        None, 'rough guesses', type=Path, metavar='FILE')  # fmt: skip
+    add('--overwrite', 'overwrite existing files')
 
 
 def _init(options: argparse.Namespace) -> int:
@@ -295,24 +291,6 @@ def _init(options: argparse.Namespace) -> int:
         print_error(f'{NAME} init', error)
         return USER_ERROR
     return 0
-
-
-def _add_waits(command: argparse.ArgumentParser, default: str) -> None:
-    command.add_argument(
-        '--bridge',
-        action='append',
-        metavar='NODE',
-        help=f'name of the bridge that receives the request (default: {default})',
-    )
-    command.add_argument('--wait-before', choices=MODES, metavar='MODE',
-        help='wait for this mode of the arm before sending the request')  # fmt: skip
-    command.add_argument(
-        '--wait',
-        nargs='+',
-        choices=MODES,
-        metavar='MODE',
-        help='after the request, wait until the arm is in one of these modes',
-    )
 
 
 def finite_number(text: str) -> float:
@@ -345,8 +323,11 @@ def _completion() -> str:
     """Return the shell code with which bash or zsh completes the options of all executables."""
     from argcomplete.shell_integration import shellcode
 
-    names = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))
-    return f'# eval "$({NAME} completion)"\n{shellcode(names)}'
+    return f'# eval "$({NAME} completion)"\n{shellcode(list(command_modules()))}'
+
+
+def _report_loading(*_: object) -> None:
+    print_notice(NAME, 'waiting for ROS 2 to load; the request follows')
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -364,9 +345,13 @@ def main(args: Sequence[str] | None = None) -> int:
         return 0
     if options.command == 'init':
         return _init(options)
+    before = signal.signal(signal.SIGALRM, _report_loading)
+    signal.setitimer(signal.ITIMER_REAL, _QUIET)
     # Imported here, because help, completion and `init` need no ROS.
     from aerarm_ros.ros.requests.arm_requests import HERE, run_request
 
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    signal.signal(signal.SIGALRM, before)
     if options.command == 'record' and not options.here:
         status = run_request(options, args)
         if status != HERE:

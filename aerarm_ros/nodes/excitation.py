@@ -72,11 +72,7 @@ PARAMETERS = ParameterTable(
     Parameter('state_timeout', 0.2,
         'time without joint_states after which the node aborts the motion', 's', 0.005, 10.0),
     Parameter('wait_timeout', 20.0,
-        'longest wait until the arm is ready and all subscribers are connected', 's', 0.1, 3600.0),
-    Parameter('subscribers', 1, (
-        'number of subscribers that joint_command and joint_states must have before the motion '
-        'starts; 2 with a recorder'
-    ), '', 1, 100),
+        'longest wait until the arm is ready', 's', 0.1, 3600.0),
     Parameter('wait_for_recorder', False,
         'whether the motion starts only when the recorder records joint_states and '
         'joint_command'),
@@ -119,7 +115,6 @@ class ExcitationNode:
         self._playback = MotionPlayback(
             self._node,
             self._names,
-            self._parameters.subscribers,
             self._parameters.wait_for_recorder,
             lambda reason: self._diagnostics.add_rejection(reason),
         )

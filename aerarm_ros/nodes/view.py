@@ -19,15 +19,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
+from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.drone_urdf import with_drone
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.page.page_controller import PageController
-from aerarm_ros.ros.page.page_server import PageGuard, is_loopback
-from aerarm_ros.ros.page.view_controls import PageMotion, PageRequests
-from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
-from aerarm_ros.ros.page.view_plots import ViewFeed
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, load_arm, load_drone
@@ -75,43 +71,64 @@ class View:
     """
 
     def __init__(self) -> None:
+        try:  # Imported here, because the help does not need the package viser, which loads slowly.
+            from aerarm_ros.ros.page.page_controller import PageController
+            from aerarm_ros.ros.page.page_server import PageError, PageGuard, serve_page
+            from aerarm_ros.ros.page.view_controls import PageMotion, PageRequests, ViewControls
+            from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics
+            from aerarm_ros.ros.page.view_panel import ViewPanel
+            from aerarm_ros.ros.page.view_plots import ViewFeed, ViewPlots
+            from aerarm_ros.ros.page.view_scene import ViewScene
+        except ImportError as error:
+            raise ViewError(
+                f"the web page needs the package viser ({error}): run pip install 'viser>=1.1,<2'"
+            ) from None
         self.status = 0
-        self._node = rclpy.create_node(NAME)
-        self._values = values = PARAMETERS.declare(self._node)
+        self._node = node = rclpy.create_node(NAME)
+        self._values = values = PARAMETERS.declare(node)
         config, robot = load_arm(values)
         drone = load_drone(values, config, robot)
-        if drone is not None:
-            text = with_drone(robot.urdf_text, drone, robot.prefix)
-            carried = load_robot(text, joint_names=config.joint_names)
-            robot = replace(carried, prefix=robot.prefix)
-        self._name = config.name
-        self._names = list(robot.joint_names)
+        robot = robot if drone is None else _carried(robot, drone)
+        names = robot.joint_names
         self._mode = ''
         self._rejections: dict[str, str] = {}
         self._diagnostics = ViewDiagnostics()
-        self._requests = PageRequests(self._node, values.bridges)
-        self._feed = ViewFeed(
-            self._node, self._names, values.history, values.rate, drone is not None
-        )
-        self._motion = PageMotion(self._node, config)
+        self._requests = PageRequests(node, values.bridges)
+        self._feed = ViewFeed(node, names, values.history, values.rate, drone is not None)
         files = {item.name: getattr(values, item.name) for item in ARM_FILES}
-        self._controller = PageController(self._node.get_namespace(), files, values.drone_file)
-        # The bridge's limits: the URDF has none for a continuous joint.
-        self._limits = np.column_stack(
-            [config.column('position_min'), config.column('position_max')]
-        )
-        topics.ARM_MODE.subscription(self._node, self._on_mode)
-        topics.DIAGNOSTICS.subscription(self._node, self._on_diagnostics)
+        self._controller = PageController(node.get_namespace(), files, values.drone_file)
+        topics.ARM_MODE.subscription(node, self._on_mode)
+        topics.DIAGNOSTICS.subscription(node, self._on_diagnostics)
         self._loop = PeriodicLoop(1.0 / values.rate)
-        self._serve(robot)
+        _check_address(values.host)
+        # Unused connections of a browser are not errors, and `run` prints the address.
+        logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
+        guard = PageGuard.for_host(values.host)
+        try:
+            with redirect_stdout(StringIO()):
+                self._server = serve_page(values.host, values.port, guard, self._log_refused)
+        except PageError as error:
+            raise ViewError(str(error)) from None
+        self._address = guard.address(values.host, self._server.get_port())
+        self._is_private = guard.is_private
+        # The stop button is created first, because the other elements take longer to load.
+        self._panel = ViewPanel(self._server, config.name, self._requests.ask)
+        self._scene = ViewScene(self._server, robot, values.tool)
+        # The bridge's limits: the URDF has none for a continuous joint.
+        limits = np.column_stack([config.column('position_min'), config.column('position_max')])
+        motion = PageMotion(node, config)
+        self._controls = ViewControls(
+            self._server, self._panel, motion, self._controller, names, limits
+        )
+        self._panel.add_reports(self._server)
+        self._plots = ViewPlots(self._server, names, values.history)
 
     def run(self) -> None:
         """Update the page until the process receives a stop signal."""
-        address = self._guard.address(self._values.host, self._server.get_port())
         # Printed instead of logged: the log is published and stored, and the address may contain a
         # token.
-        print(f'{NAME}: open {address} in a browser', flush=True)
-        if not is_loopback(self._values.host):
+        print(f'{NAME}: open {self._address} in a browser', flush=True)
+        if not self._is_private:
             self._node.get_logger().warning(
                 'the page is reachable from the network: any browser with its URL can move the arm'
             )
@@ -125,37 +142,6 @@ class View:
             self._server.stop()
         self._feed.destroy()
         self._node.destroy_node()
-
-    def _serve(self, robot: Robot) -> None:
-        try:
-            from aerarm_ros.ros.page.page_server import PageError, serve_page
-            from aerarm_ros.ros.page.view_controls import ViewControls
-            from aerarm_ros.ros.page.view_panel import ViewPanel
-            from aerarm_ros.ros.page.view_plots import ViewPlots
-            from aerarm_ros.ros.page.view_scene import ViewScene
-        except ImportError as error:
-            raise ViewError(
-                f"the web page needs the package viser ({error}): run pip install 'viser>=1.1,<2'"
-            ) from None
-        _check_address(self._values.host)
-        # Unused connections of a browser are not errors, and `run` prints the address.
-        logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
-        self._guard = PageGuard.for_host(self._values.host)
-        try:
-            with redirect_stdout(StringIO()):
-                self._server = serve_page(
-                    self._values.host, self._values.port, self._guard, self._log_refused
-                )
-        except PageError as error:
-            raise ViewError(str(error)) from None
-        # The stop button is created first, because the other elements take longer to load.
-        self._panel = ViewPanel(self._server, self._name, self._requests.ask)
-        self._scene = ViewScene(self._server, robot, self._values.tool)
-        self._controls = ViewControls(
-            self._server, self._panel, self._motion, self._controller, self._names, self._limits
-        )
-        self._panel.add_reports(self._server)
-        self._plots = ViewPlots(self._server, self._names, self._values.history)
 
     def _log_refused(self, text: str) -> None:
         self._node.get_logger().warning(text)
@@ -180,12 +166,9 @@ class View:
         self._requests.look_for_bridges()
         feed, diagnostics = self._feed, self._diagnostics
         self._scene.update_path()
-        self._plots.show(*feed.joints.window(now))
+        self._plots.show(*feed.window(now))
         self._panel.show_mode(
-            self._mode,
-            feed.describe(now),
-            diagnostics.recovery_hint(now),
-            bool(self._requests.emulated),
+            self._mode, feed.describe(now), diagnostics.recovery_hint(now), self._requests.emulated
         )
         self._controls.show(feed.posture)
         self._panel.show_diagnostics(diagnostics.motors_html(now), diagnostics.status_html(now))
@@ -199,7 +182,7 @@ class View:
             values = {item.key: item.value for item in status.values}
             level = int.from_bytes(status.level, 'little')
             self._show_rejection(status.name, values)
-            self._diagnostics.add(status.name, ViewStatus(level, status.message, values, now))
+            self._diagnostics.add(status.name, level, status.message, values, now)
 
     def _show_rejection(self, name: str, values: Mapping[str, str]) -> None:
         """Show why a controller rejected an input, once per new rejection."""
@@ -209,6 +192,12 @@ class View:
             self._rejections[name] = count
             if before not in (None, count) and count != '0':
                 self._panel.show_result(False, 'rejected:', values.get('last rejection', ''))
+
+
+def _carried(robot: Robot, drone: DroneConfig) -> Robot:
+    """Return the model of an arm under its drone."""
+    text = with_drone(robot.urdf_text, drone, robot.prefix)
+    return replace(load_robot(text, joint_names=robot.joint_names), prefix=robot.prefix)
 
 
 def _check_address(host: str) -> None:

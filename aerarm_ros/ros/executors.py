@@ -352,19 +352,22 @@ class BackgroundExecutor:
                     traceback.print_exc()
 
 
-_SPIN = 0.05  # [s]
+_SPIN, _POLL = 0.05, 0.02  # [s]
 
 
-def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> bool:
+def spin_until(node: Node | None, condition: Callable[[], object], timeout: float) -> bool:
     """Spin a node until a condition is true; return False after `timeout` [s].
 
-    No executor may contain the node.
+    No executor may contain the node. Without a node, another thread must make the condition true.
     """
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:
             return False
-        rclpy.spin_once(node, timeout_sec=_SPIN)
+        if node is None:
+            time.sleep(_POLL)
+        else:
+            rclpy.spin_once(node, timeout_sec=_SPIN)
     return True
 
 

@@ -22,6 +22,16 @@ def endpoint_name(endpoint: TopicEndpointInfo) -> str:
     return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
 
 
+def listeners(node: Node, topic: str) -> list[str]:
+    """Return the full names of the nodes that subscribe to a topic; '' for an undiscovered node."""
+    return [endpoint_name(end) for end in node.get_subscriptions_info_by_topic(topic)]
+
+
+def can_move(name: str) -> bool:
+    """Return whether a node may move the arm: recorder and page subscribe, but move nothing."""
+    return name.rpartition('/')[2] not in ('', 'recorder', 'view')
+
+
 def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
     """Return why messages of a publisher do not reach a subscription, or an empty string.
 
@@ -268,7 +278,7 @@ class DuplicatePublisherCheck:
 _DUPLICATE_CYCLES = 1000  # between two checks, because the user's reaction takes longer
 
 
-class DuplicatePublisherWatch:
+class DuplicatePublisherWatch(PublisherWatch):
     """Log a warning whenever another node starts to publish a topic of this node.
 
     Parameters
@@ -287,25 +297,16 @@ class DuplicatePublisherWatch:
     """
 
     def __init__(self, node: Node, topic: Topic, advice: str = OF_AN_ARM) -> None:
+        super().__init__(node, topic, self._judge, _DUPLICATE_CYCLES, known=1)
         self.problem = ''
         self._advice = advice
-        self._topic = node.resolve_topic_name(topic.name)
         self._logger = node.get_logger()
-        self._watch = PublisherWatch(node, topic, self._judge, _DUPLICATE_CYCLES, known=1)
-
-    def poll(self) -> None:
-        """Check for new publishers as `PublisherWatch.poll` does, in every cycle."""
-        self._watch.poll()
-
-    def destroy(self) -> None:
-        """Destroy the guard condition that lets the executor read the graph."""
-        self._watch.destroy()
 
     def _judge(self, publishers: Mapping[bytes, str]) -> None:
         names = list(publishers.values())
         if UNNAMED in names:
             return  # `PublisherWatch` reports again once it has read the name.
-        problem = several_publishers(self._topic, names, self._advice)
+        problem = several_publishers(self._name, names, self._advice)
         if problem and problem != self.problem:
             self._logger.warning(problem)
         self.problem = problem

@@ -109,7 +109,7 @@ def record_excitation(node: Node, folder: Path, bag: Path, seed: int, priority: 
     """Play an excitation of 20 s in lockstep and record it; return the duration [s] of its node."""
     arm = ArmClient(node, ['fake_hardware'])
     world = {'pace': 'lockstep', 'encoders': 'absolute', 'seed': seed}
-    motion = {'seed': 1, 'periods': 2, 'subscribers': 2, 'wait_for_recorder': True}
+    motion = {'seed': 1, 'periods': 2, 'wait_for_recorder': True}
     first, second = ({'realtime_priority': max(0, priority - k)} for k in (0, 1))
     with NodeProcess('fake_hardware', (), world | first, log=folder / 'hardware.log'):
         arm.wait_for_mode(['idle'], _PATIENCE)

@@ -1,9 +1,11 @@
 """The suite's source files and their imports, from their syntax trees."""
 
 import ast
+import importlib.util
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[2]
 SUITE = ('aerarm_ros', 'aerarm_msgs_py')
@@ -43,6 +45,17 @@ def listed_in_setup(name: str) -> list[str]:
             if isinstance(target, ast.Name) and target.id == name:
                 return list(ast.literal_eval(statement.value))
     raise ValueError(f'setup.py has no list {name}')
+
+
+@cache
+def parameter_page() -> ModuleType:
+    """Return the program that writes the page of parameters, as a module."""
+    path = ROOT / 'docs' / 'generate_parameters.py'
+    spec = importlib.util.spec_from_file_location('generate_parameters', path)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @cache

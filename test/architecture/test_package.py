@@ -13,35 +13,29 @@ from pathlib import Path
 import yaml
 from source_files import listed_in_setup
 
+import aerarm_ros
 from aerarm_ros.executables import command_modules
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_the_wheel_contains_both_packages_and_the_shared_files(wheel: Path) -> None:
-    names = zipfile.ZipFile(wheel).namelist()
-    for wanted in (
-        'aerarm_ros/nodes/hardware_bridge.py',
-        'aerarm_msgs_py/topics.py',
-        'aerarm_ros/py.typed',
-    ):
-        assert wanted in names
-    shared = {name.split('.data/data/')[1] for name in names if '.data/data/' in name}
+def test_the_wheel_contains_both_packages_the_shared_files_and_executables(wheel: Path) -> None:
+    content = zipfile.ZipFile(wheel)
+    names = content.namelist()
+    modules = {'aerarm_ros/nodes/hardware_bridge.py', 'aerarm_msgs_py/topics.py'}
+    assert modules | {'aerarm_ros/py.typed'} <= set(names)
+    shared = {name.split('.data/data/share/')[1] for name in names if '.data/data/share/' in name}
     assert {
-        'share/ament_index/resource_index/packages/aerarm_ros',
-        'share/aerarm_ros/package.xml',
-        'share/aerarm_ros/config/aerarm.yaml',
-        'share/aerarm_ros/config/fastdds.xml',
-        'share/aerarm_ros/config/fastdds_loopback.xml',
-        'share/aerarm_ros/config/profiles/uomodri_v3.yaml',
-        'share/aerarm_ros/urdf/aerarm.urdf',
+        'ament_index/resource_index/packages/aerarm_ros',
+        'aerarm_ros/package.xml',
+        'aerarm_ros/config/aerarm.yaml',
+        'aerarm_ros/config/fastdds.xml',
+        'aerarm_ros/config/fastdds_loopback.xml',
+        'aerarm_ros/config/profiles/uomodri_v3.yaml',
+        'aerarm_ros/urdf/aerarm.urdf',
     } <= shared
     assert not any(name.startswith('test') for name in names)
-
-
-def test_every_executable_has_a_main(wheel: Path) -> None:
-    content = zipfile.ZipFile(wheel)
-    (listing,) = [name for name in content.namelist() if name.endswith('entry_points.txt')]
+    (listing,) = [name for name in names if name.endswith('entry_points.txt')]
     lines = [line for line in content.read(listing).decode().splitlines() if '=' in line]
     assert len(lines) >= 5
     for line in lines:
@@ -49,6 +43,7 @@ def test_every_executable_has_a_main(wheel: Path) -> None:
         assert target == f'aerarm_ros.executables:{name}'
         module = command_modules()[name].replace('.', '/')
         assert 'def main(' in content.read(f'{module}.py').decode()
+    assert '$base/lib/aerarm_ros' in (ROOT / 'setup.cfg').read_text()  # where ros2 run looks
 
 
 def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:
@@ -63,10 +58,6 @@ def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:
         r'^## (\d+\.\d+\.\d+) - (\S+)$', (ROOT / 'CHANGELOG.md').read_text(), flags=re.MULTILINE
     )
     assert (released, date) == (version, str(cited['date-released']))
-
-
-def test_scripts_go_where_ros2_run_looks() -> None:
-    assert '$base/lib/aerarm_ros' in (ROOT / 'setup.cfg').read_text()
 
 
 def test_every_compiled_module_exists() -> None:
@@ -120,3 +111,14 @@ def test_the_list_for_apt_hosts_has_all_that_is_not_from_apt() -> None:
     wanted = {text for text in requirements('jazzy') if text.partition('>')[0] not in brought}
     assert wanted <= listed
     assert {text.partition('>')[0] for text in listed - wanted} == {'viser', 'example-robot-data'}
+
+
+def test_offered_names_are_imported_on_first_use() -> None:
+    assert aerarm_ros.__all__
+    for name in aerarm_ros.__all__:
+        assert getattr(aerarm_ros, name) is not None
+    script = "import aerarm_ros, sys; print(*(m for m in sys.modules if m.startswith('aerarm_')))"
+    run = subprocess.run(
+        [sys.executable, '-c', script], check=True, capture_output=True, text=True, cwd=ROOT
+    )
+    assert run.stdout.split() == ['aerarm_ros']

@@ -66,22 +66,9 @@ def markdown(text: str) -> Iterator[str]:
 
 def literal(node: ast.AST) -> str:
     """Return the text of a string node; a placeholder of an f-string counts as one word."""
-    if isinstance(node, ast.Constant):
-        return node.value if isinstance(node.value, str) else ''
     if isinstance(node, ast.JoinedStr):
-        return ''.join(literal(part) or f'`{placeholder(part)}`' for part in node.values)
-    return ''
-
-
-def placeholder(node: ast.AST) -> str:
-    """Return the name of the variable, attribute or function whose value an f-string contains."""
-    while isinstance(node, (ast.FormattedValue, ast.Subscript, ast.Starred)):
-        node = node.value
-    if isinstance(node, ast.Call):
-        node = node.func
-    if isinstance(node, ast.Attribute):
-        return node.attr.strip('_')
-    return node.id if isinstance(node, ast.Name) else 'x'
+        return ''.join(literal(part) or '`x`' for part in node.values)
+    return str(getattr(node, 'value', '')) if isinstance(node, ast.Constant) else ''
 
 
 def strings(node: ast.AST) -> Iterator[ast.AST]:

@@ -41,39 +41,3 @@ def test_the_page_from_the_log_to_the_model(
     exec(compile(use, 'use.py', 'exec'), names)
     assert names['arm'].parameters['fs_shoulder'] == pytest.approx(2.0, abs=0.02)
     assert np.isfinite(names['arm'].torque([0.1] * 6, [0.0] * 6, [0.0] * 6)).all()
-
-
-COLUMNS = [
-    ('q_{}', 'dq_{}', 'tau_{}'),
-    ('{}.position', '{}.velocity', '{}.effort'),
-    ('q{i}', 'dq{i}', 'tau{i}'),
-    ('actual_q_{k}', 'dq{k}', 'torque[{k}]'),
-    ('{}.position [deg]', '{}.velocity [deg/s]', '{}.effort [mNm]'),
-]
-
-
-def test_columns_that_the_page_names_are_read(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    import aerarm_ros
-
-    monkeypatch.chdir(tmp_path)
-    names: dict = {}
-    exec(compile(blocks('python')[0], 'make_log.py', 'exec'), names)
-    joints = list(enumerate(names['drawn'].joint_names))
-    for columns in COLUMNS:
-        scale = 180.0 / np.pi if '[deg]' in columns[0] else 1.0
-        torque = 1e3 if 'mNm' in columns[2] else 1.0
-        head = [column.format(name, k=k, i=k + 1) for column in columns for k, name in joints]
-        values = [names['time'], scale * names['q'], scale * names['dq'], torque * names['tau']]
-        np.savetxt(
-            'table.csv', np.column_stack(values), '%.9f', ',', header=','.join(['time', *head]),
-            comments='',
-        )  # fmt: skip
-        read = aerarm_ros.read_bag('table.csv')
-        for found, wanted in (
-            (read.position, names['q']),
-            (read.velocity, names['dq']),
-            (read.effort, names['tau']),
-        ):
-            assert np.asarray(found) == pytest.approx(wanted, abs=1e-6)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import re
 from pathlib import Path
-from types import ModuleType
 
-import pytest
+from source_files import parameter_page
 
 from aerarm_msgs_py.topics import TOPICS
 from aerarm_ros.executables import command_modules
@@ -21,16 +19,6 @@ PAGES = sorted([*DOCS.rglob('*.md'), *ROOT.glob('*.md')], key=str)
 PAGES.remove(ROOT / 'CHANGELOG.md')
 LINK = re.compile(r'\[[^\]]*\]\(([^)\s]+)\)')
 CODE_FILE = re.compile(r'`([a-z_0-9]+(?:/[a-z_0-9.]+)+\.(?:py|yaml|xml|urdf|rviz|json))`')
-
-
-@pytest.fixture(scope='module')
-def reference() -> ModuleType:
-    path = DOCS / 'generate_parameters.py'
-    spec = importlib.util.spec_from_file_location('generate_parameters', path)
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def anchors(page: Path) -> set[str]:
@@ -65,7 +53,7 @@ def test_every_page_can_be_reached_from_the_index() -> None:
     assert set(DOCS.rglob('*.md')) - {DOCS / 'README.md', DOCS / 'index.md'} <= linked
 
 
-def test_every_executable_has_a_section(reference: ModuleType) -> None:
+def test_every_executable_has_a_section() -> None:
     page = (DOCS / 'reference' / 'executables.md').read_text()
     sections = set(re.findall(r'^## (\w+)$', page, flags=re.MULTILINE))
     assert sections >= set(command_modules())
@@ -79,7 +67,7 @@ def test_every_topic_mode_and_service_is_described() -> None:
         assert f'`~/{action}`' in page
 
 
-def test_the_graphs_name_every_mode_and_existing_nodes(reference: ModuleType) -> None:
+def test_the_graphs_name_every_mode_and_existing_nodes() -> None:
     modes, nodes = ((DOCS / 'images' / f'{name}.svg').read_text() for name in ('modes', 'nodes'))
     assert {name for name in MODES if f'>{name}</text>' not in modes} == set()
     drawn = set(
@@ -89,20 +77,8 @@ def test_the_graphs_name_every_mode_and_existing_nodes(reference: ModuleType) ->
     assert {'hardware_bridge', 'joint_command'} <= drawn
 
 
-def test_every_launch_file_and_argument_is_described() -> None:
-    page = (DOCS / 'how-to' / 'drive_it.md').read_text()
-    for path in (ROOT / 'launch').glob('*.launch.py'):
-        assert f'`{path.name}`' in page
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == (
-                'DeclareLaunchArgument'
-            ):
-                assert f'`{node.args[0].value}`' in page
-
-
-def test_the_parameter_page_is_up_to_date(
-    reference: ModuleType, ros_domain: dict[str, str]
-) -> None:
+def test_the_parameter_page_is_up_to_date(ros_domain: dict[str, str]) -> None:
+    reference = parameter_page()
     assert reference.PAGE.read_text() == reference.page(), 'run: python docs/generate_parameters.py'
 
 
@@ -114,10 +90,8 @@ def launch_arguments() -> set[str]:
     return set(re.findall(r'`(\w+)`', (DOCS / 'how-to' / 'drive_it.md').read_text()))
 
 
-def test_parameters_in_the_text_exist_and_may_have_that_value(
-    reference: ModuleType, ros_domain: dict[str, str]
-) -> None:
-    tables = {name: reference.parameters_of(name) for name in command_modules()}
+def test_parameters_in_the_text_exist_and_may_have_that_value(ros_domain: dict[str, str]) -> None:
+    tables = {name: parameter_page().parameters_of(name) for name in command_modules()}
     known = [parameter for table in tables.values() for parameter in table]
     other = launch_arguments()
     wrong = []
@@ -139,3 +113,36 @@ def test_the_arm_that_is_worked_out_is_the_one_that_is_shipped() -> None:
     (shown,) = re.findall(r'^```yaml\n(.*?)^```$', page, flags=re.MULTILINE | re.DOTALL)
     shipped = (examples / 'three_joints.yaml').read_text().splitlines()
     assert {line for line in shown.splitlines() if line} <= set(shipped)
+
+
+QUOTING = 'how-to/faults.md', 'how-to/flight.md', 'faq.md'
+COMMANDS = 'arm ', 'ros2 ', 'set ', 'make ', 'pip ', 'NODE: ', '-', 'imu_', 'sudo ', 'encoders: '
+# Names, numbers and units, which a program fills in.
+FILLED_IN = re.compile(r'\.\.\.|\b(?:joint|board)\d\b|[+-]?\d+(?:\.\d+)?|\{.*?\}')
+
+
+def texts() -> str:
+    """Return all texts in the sources, with a mark where a value is filled in."""
+    found = []
+    for path in (ROOT / 'aerarm_ros').rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.JoinedStr):
+                parts = [p.value if isinstance(p, ast.Constant) else '{}' for p in node.values]
+                found.append(''.join(map(str, parts)))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found.append(node.value)
+    return '\n'.join(' '.join(text.split()) for text in found)
+
+
+def quoted(page: Path) -> list[str]:
+    """Return quotations of several words, without commands."""
+    found = re.findall(r'`([^`\n]+)`', page.read_text())
+    return [text for text in found if ' ' in text and not text.startswith(COMMANDS)]
+
+
+def test_quoted_messages_are_those_of_the_programs() -> None:
+    said, missing = texts(), []
+    for text in (text for page in QUOTING for text in quoted(ROOT / 'docs' / page)):
+        pieces = [piece.strip(' ,:') for piece in FILLED_IN.split(text)]
+        missing += [f'{text}: {p}' for p in pieces if len(p.split()) > 1 and p not in said]
+    assert not missing, '\n'.join(missing)

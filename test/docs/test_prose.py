@@ -10,12 +10,8 @@ from prose import counts, exceptions, findings
 
 def test_findings_only_shrink() -> None:
     found, listed = counts(), exceptions()
-    more = {
-        name: f'{count}, listed {listed.get(name, 0)}: python test/docs/prose.py {name}'
-        for name, count in found.items()
-        if count > listed.get(name, 0)
-    }
-    assert not more, more
+    more = {name: count for name, count in found.items() if count > listed.get(name, 0)}
+    assert not more, f'python test/docs/prose.py FILE names the findings of {more}'
     fewer = [name for name, count in listed.items() if count > found.get(name, 0)]
     assert not fewer, f'shorten the list, python test/docs/prose.py --record: {fewer}'
 

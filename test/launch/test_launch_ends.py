@@ -92,37 +92,20 @@ def launched(start: Callable[..., Launched]) -> Launched:
 
 
 @pytest.mark.parametrize(
-    ('file', 'argument', 'reason'),
+    ('argument', 'reason'),
     [
-        (
-            'bringup',
-            'params_file:=/nowhere.yaml',
-            ('the file /nowhere.yaml (argument params_file) does not exist'),
+        ('params_file:=/nowhere.yaml', '(argument params_file) does not exist'),
+        pytest.param(
+            'rviz:=true',
+            'rviz:=true needs the ROS package rviz2',
+            marks=pytest.mark.skipif(is_in_the_index('rviz2'), reason='rviz2 is installed here'),
         ),
-        (
-            'bringup',
-            'plant_urdf:=/nowhere.urdf',
-            'the file /nowhere.urdf (argument plant_urdf) does not exist',
-        ),
-        ('identification', 'trajectory:=/nowhere.yaml', 'the file /nowhere.yaml of'),
-        ('motor_bench', 'excitation_config:=/nowhere.yaml', 'the file /nowhere.yaml of'),
-        ('experiment', 'identified:=/nowhere.urdf', 'the file /nowhere.urdf of'),
     ],
 )
 def test_missing_requirements_are_reported_before_the_start(
-    file: str, argument: str, reason: str, ros_domain: dict[str, str]
+    argument: str, reason: str, ros_domain: dict[str, str]
 ) -> None:
-    assert_refused(file, argument, reason)
-
-
-@pytest.mark.skipif(is_in_the_index('rviz2'), reason='rviz2 is installed here')
-def test_without_rviz_the_launch_with_rviz_starts_no_arm(ros_domain: dict[str, str]) -> None:
-    assert_refused('bringup', 'rviz:=true', 'rviz:=true needs the ROS package rviz2')
-
-
-def assert_refused(file: str, argument: str, reason: str) -> None:
-    arguments = () if file == 'experiment' else ('enable:=true',)
-    status, output = ros2_launch(file, argument, *arguments)
+    status, output = ros2_launch('bringup', argument, 'enable:=true')
     assert status == 1, output[-3000:]
     assert reason in output
     assert 'process started' not in output

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 import yaml
-from source_files import imported_modules, python_files
+from source_files import imported_modules, parameter_page, python_files
 
 from aerarm_ros.executables import command_modules, controllers
 
@@ -17,18 +15,8 @@ ROOT = Path(__file__).resolve().parents[2]
 LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 PARTS = ROOT / 'aerarm_ros' / 'launch_parts.py'
 DRIVE_IT = ROOT / 'docs' / 'how-to' / 'drive_it.md'
+ONLY_BRINGUP = ('computed_torque.launch', 'gravity_compensation.launch')
 PARAMETER_FILES = sorted((ROOT / 'config').glob('parameters_*.yaml'))
-
-
-@pytest.fixture(scope='module')
-def reference() -> ModuleType:
-    spec = importlib.util.spec_from_file_location(
-        'generate_parameters', ROOT / 'docs' / 'generate_parameters.py'
-    )
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def keywords(call: ast.Call) -> dict[str, ast.expr]:
@@ -104,14 +92,17 @@ def test_every_executable_is_installed_and_every_configuration_declared() -> Non
 
 def test_shared_arguments_are_described() -> None:
     assert {'controller', 'base_motion', 'enable', 'excitation_config'} <= declared(PARTS)
-    for name in declared(PARTS):
-        assert f'`{name}`' in DRIVE_IT.read_text()
+    for path in (PARTS, *LAUNCH_FILES):
+        for name in declared(path):
+            assert f'`{name}`' in DRIVE_IT.read_text(), (path, name)
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
 def test_each_launch_file_is_documented_and_has_the_arguments_of_bringup(path: Path) -> None:
     text = path.read_text()
     assert ast.get_docstring(ast.parse(text))
+    # Requirements are checked before any process starts.
+    assert calls(path, 'check_first') or path.stem in ONLY_BRINGUP
     assert f'ros2 launch aerarm_ros {path.name}' in text
     assert f'`{path.name}`' in DRIVE_IT.read_text()
     if path.name == 'bringup.launch.py':
@@ -137,27 +128,27 @@ def test_each_side_takes_the_address_of_the_other(side: str, other: str) -> None
 
 @pytest.mark.parametrize('path', PARAMETER_FILES, ids=lambda path: path.name)
 def test_parameter_files_contain_only_parameters_of_the_nodes(
-    path: Path, reference: ModuleType, ros_domain: dict[str, str]
+    path: Path, ros_domain: dict[str, str]
 ) -> None:
     content = yaml.safe_load(path.read_text())
     assert content
     for pattern, entry in content.items():
         name = pattern.removeprefix('/**/')
         assert name in command_modules()
-        table = {parameter.name: parameter for parameter in reference.parameters_of(name)}
+        table = {parameter.name: parameter for parameter in parameter_page().parameters_of(name)}
         for key, value in entry['ros__parameters'].items():
             assert table[key].problem(table[key].adapt(value)) is None
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
 def test_nodes_get_the_files_of_the_arm_and_only_parameters_that_they_have(
-    path: Path, reference: ModuleType, ros_domain: dict[str, str]
+    path: Path, ros_domain: dict[str, str]
 ) -> None:
     for call in calls(path, 'node'):
         executable = literal(call.args[0])
         if executable is None:  # bringup's bridge and controller, known when it is launched
             continue
-        table = {parameter.name for parameter in reference.parameters_of(str(executable))}
+        table = {parameter.name for parameter in parameter_page().parameters_of(str(executable))}
         assert given(call) <= table
         assert given(call) >= table & {
             *('config', 'urdf', 'tf_prefix', 'excitation_config', 'base_motion')

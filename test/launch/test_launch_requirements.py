@@ -19,21 +19,6 @@ GIVEN = {
 }
 
 
-@pytest.fixture
-def without(monkeypatch: pytest.MonkeyPatch):
-    """Return a function that hides modules."""
-
-    def take(*modules: str) -> None:
-        found = dict.fromkeys(modules)
-        monkeypatch.setattr(launch_requirements, 'find_spec', lambda name: found.get(name, name))
-
-    return take
-
-
-def test_packaged_requirements_are_met() -> None:
-    assert missing(GIVEN) == []
-
-
 @pytest.mark.parametrize('name', FILES)
 def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
     path = tmp_path / 'given'
@@ -75,29 +60,38 @@ def test_a_packaged_file_may_be_named(
     assert packaged_files({name: file}) == {}
 
 
-@pytest.mark.parametrize('name', ['trajectory', 'identified'])
-def test_a_result_that_is_missing_is_not_a_packaged_file(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+DRONE = str(resource('config', 'drone.yaml'))
+FREE = {'base_motion': 'free'}
+
+
+@pytest.mark.parametrize(
+    ('given', 'problems'),
+    [
+        ({}, []),
+        # Results of a run are not packaged.
+        *(
+            ({name: 'aerarm.urdf'}, [f'the file aerarm.urdf (argument {name}) does not exist'])
+            for name in ('trajectory', 'identified')
+        ),
+        ({'tf_prefix': 'left_'}, []),
+        ({'tf_prefix': '/left'}, ["tf_prefix '/left' must begin with a letter"]),
+        (FREE, ['base_motion:=free needs a drone file']),
+        ({**FREE, 'drone_file': "''"}, ['base_motion:=free needs a drone file']),
+        ({**FREE, 'drone_file': DRONE}, []),
+        ({'base_motion': 'full'}, []),
+        (
+            {'config': '/nowhere', 'urdf': '/nowhere'},
+            ['the file /nowhere (argument config)', 'the file /nowhere (argument urdf)'],
+        ),
+    ],
+    ids=str,
+)
+def test_each_problem_is_reported(
+    given: dict[str, str], problems: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert missing({**GIVEN, name: 'aerarm.urdf'}) == [
-        f'the file aerarm.urdf (argument {name}) does not exist: check the path'
-    ]
-
-
-def test_a_prefix_is_looked_at_before_anything_starts() -> None:
-    assert missing({**GIVEN, 'tf_prefix': 'left_'}) == []
-    (problem,) = missing({**GIVEN, 'tf_prefix': '/left'})
-    assert problem.startswith("tf_prefix '/left' must begin with a letter")
-
-
-def test_a_free_base_needs_a_drone() -> None:
-    (problem,) = missing({**GIVEN, 'base_motion': 'free'})
-    assert problem.startswith('base_motion:=free needs a drone file')
-    assert missing({**GIVEN, 'base_motion': 'free', 'drone_file': "''"}) == [problem]
-    drone = str(resource('config', 'drone.yaml'))
-    assert missing({**GIVEN, 'base_motion': 'free', 'drone_file': drone}) == []
-    assert missing({**GIVEN, 'base_motion': 'full'}) == []
+    found = missing({**GIVEN, **given})
+    assert [text[: len(start)] for text, start in zip(found, problems, strict=True)] == problems
 
 
 def test_rviz_is_an_own_package_as_its_frames_are() -> None:
@@ -118,17 +112,12 @@ def test_rviz_is_an_own_package_as_its_frames_are() -> None:
     ],
 )
 def test_modules_are_missed_only_where_they_are_needed(
-    name: str, value: str, module: str, without
+    name: str, value: str, module: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    without('mujoco', 'spidev', 'viser', 'px4_msgs')
+    hidden = ('mujoco', 'spidev', 'viser', 'px4_msgs')
+    monkeypatch.setattr(launch_requirements, 'find_spec', lambda name: name not in hidden or None)
     others = {key: text for key, text in GIVEN.items() if key not in ('hardware', name)}
     assert missing(others) == []
     (text,) = missing({**others, name: value})
-    assert text.startswith(
-        f'the launch argument {name}:={value} needs the Python package {module}: '
-    )
-
-
-def test_all_missing_requirements_are_reported_together(without) -> None:
-    without('viser')
-    assert len(missing({**GIVEN, 'view': 'true', 'config': '/nowhere', 'urdf': '/nowhere'})) == 3
+    needs = f'the launch argument {name}:={value} needs the Python package {module}: '
+    assert text.startswith(needs)

@@ -100,11 +100,8 @@ def test_real_boards_are_of_the_given_urdf(renamed_urdf: Path, ros_domain: dict[
     ('file', 'argument', 'choices'),
     [
         ('identification', 'controller:=computed_torque', "['none']"),
-        ('motor_bench', 'controller:=computed_torque', "['none']"),
         ('moveit', 'controller:=gravity_compensation', "['computed_torque']"),
         ('bringup', 'rviz:=maybe', "['true', 'false']"),
-        ('bringup', 'view:=maybe', "['true', 'false']"),
-        ('drone', 'autopilot:=ardupilot', "['flight_control', 'mavros', 'px4']"),
     ],
 )
 def test_invalid_arguments_are_rejected_before_the_start(

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.process.node_process import NodeProcess
 
-WAITING = b'arm: waiting for a bridge in this ROS domain'
+WAITING = b'arm: waiting for '
 LEFT = ('--ros-args', '-r', '__ns:=/left', '--')
 
 

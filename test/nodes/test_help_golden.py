@@ -38,11 +38,7 @@ print(json.dumps(done))
 
 def run_all(commands: list[list[str]], folder: Path) -> dict[str, tuple[int, str, str]]:
     """Return status, output and errors of each command, at a width of 80 columns."""
-    environment = {
-        **{key: value for key, value in os.environ.items() if not key.startswith('_ARGCOMPLETE')},
-        'COLUMNS': '80',
-        'NO_COLOR': '1',
-    }
+    environment = {**os.environ, 'COLUMNS': '80', 'NO_COLOR': '1'}
     done = subprocess.run(
         [sys.executable, '-c', RUN_ALL, json.dumps(commands)],
         env=environment,

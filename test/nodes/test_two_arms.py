@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import rclpy
 from bridge_client import BridgeClient
-from forked_executable import run
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -21,7 +20,7 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.ros.process.node_process import NodeProcess
 
-SIDES = ('left', 'right')
+SIDES, IMU = ('left', 'right'), '/drone/imu'  # the IMU of the left arm is outside its namespace
 JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
 
 
@@ -76,7 +75,8 @@ class NamespacedNodes:
     def start(self, side: str, name: str, prefix: str, **parameters: object) -> NodeProcess:
         # The launch files tell the bridge alone.
         clock = ('-r', '/clock:=clock') if name == 'fake_hardware' else ()
-        arguments = ('--ros-args', '-r', f'__ns:=/{side}', *clock, '--')
+        imu = ('-r', f'imu:={IMU}') if side == 'left' else ()
+        arguments = ('--ros-args', '-r', f'__ns:=/{side}', *clock, *imu, '--')
         given = {'tf_prefix': prefix, **parameters}
         log = self._logs / f'{side}_{name}.log'
         return self._stack.enter_context(NodeProcess(name, arguments, given, log=log))
@@ -92,9 +92,10 @@ def nodes(ros_node: Node, tmp_path: Path) -> Iterator[NamespacedNodes]:
 
 def test_two_arms_are_one_tree_and_each_moves_alone(nodes: NamespacedNodes, tmp_path: Path) -> None:
     saved = tmp_path / 'drawn.yaml'
-    for side in SIDES:
-        nodes.start(side, 'fake_hardware', f'{side}_', seed=3, encoders='absolute')
-    nodes.start('left', 'gravity_compensation', 'left_')
+    for side, profile in zip(SIDES, ('tilted', 'still'), strict=True):
+        given = {'seed': 3, 'encoders': 'absolute', 'base_motion_profile': profile}
+        nodes.start(side, 'fake_hardware', f'{side}_', **given)
+    nodes.start('left', 'gravity_compensation', 'left_', base_motion='full')
     nodes.start('left', 'base_reaction', 'left_')
     nodes.start('right', 'gravity_compensation', 'left_')  # a mistake
     drawing = nodes.start('nowhere', 'excitation', 'left_', **drawn(tmp_path), save=saved)
@@ -117,6 +118,11 @@ def test_two_arms_are_one_tree_and_each_moves_alone(nodes: NamespacedNodes, tmp_
         names = [f'{side.name}_{joint}' for joint in JOINTS]
         assert list(side.bridge.states[-1].name) == names
         assert list(side.bridge.motors[-1].name) == names
+    reported = left.bridge.diagnostics
+    left.bridge.wait_for(lambda: any(x.get('base motion') == 'IMU' for x in reported.values()))
+    names = {name for name, _ in left.node.get_topic_names_and_types()}
+    assert {'/left/joint_states', '/left/joint_command', IMU} <= names
+    assert not names & {'/joint_states', '/joint_command', '/left/imu', '/imu'}
     left.bridge.wait_for(lambda: bool(left.wrenches))
     assert left.wrenches[-1].header.frame_id == 'left_base_link'
 
@@ -143,10 +149,3 @@ def drawn(tmp_path: Path) -> dict[str, object]:
     text = resource('config', 'excitation.yaml').read_text()
     config.write_text(text.replace('pairs: []', "pairs: ['link1 to link4']"))
     return {'excitation_config': config, 'wait_timeout': 0.1}
-
-
-def test_an_invalid_tf_prefix_ends_a_node_with_one_line(ros_domain: dict[str, str]) -> None:
-    done = run('fake_hardware', parameters={'tf_prefix': '/left'})
-    assert done.returncode == 1
-    (line,) = (done.stderr + done.stdout).splitlines()
-    assert "tf_prefix '/left' must begin with a letter" in line

@@ -116,6 +116,11 @@ class PageGuard:
         """Return the path of a request without the token."""
         return _split(path)[1] if self._token else path
 
+    @property
+    def is_private(self) -> bool:
+        """Whether the page needs no token, because other computers cannot reach it."""
+        return not self._token
+
     def address(self, host: str, port: int) -> str:
         """Return the page's URL with the secret token, for the user's browser."""
         name = socket.gethostname() if host in _WILDCARDS else host

@@ -13,10 +13,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.executables import controllers
-from aerarm_ros.hardware.bridge_modes import ACTIONS, STOPS
+from aerarm_ros.hardware.bridge_modes import ACTIONS, STOPS, Answer
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.graph import endpoint_name
+from aerarm_ros.ros.graph import can_move, listeners
 from aerarm_ros.ros.page.page_controller import PageController
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
 from aerarm_ros.ros.requests.bridge_service import BridgeService, StopService
@@ -25,8 +25,6 @@ _SHORTEST = 0.5  # [s]
 # The controller starts at its reference, which differs slightly from the measured configuration.
 # So it could reject a motion that uses the full limits.
 _OF_LIMITS = 0.95
-# These nodes subscribe to everything but move nothing.
-_LISTENERS = ('recorder', 'view')
 
 
 class PageMotion:
@@ -62,7 +60,7 @@ class PageMotion:
         sent, text
             Whether a controller receives the motion, and a message for the user.
         """
-        if not self._has_subscriber():
+        if not any(map(can_move, listeners(self._node, self._trajectories.topic_name))):
             return False, (
                 'no active controller accepts joint trajectories: start the controller '
                 'computed_torque'
@@ -78,12 +76,6 @@ class PageMotion:
         point.time_from_start = Duration(seconds=duration).to_msg()
         self._trajectories.publish(JointTrajectory(joint_names=self._names, points=[point]))
         return True, f'the motion takes {duration:.1f} s'
-
-    def _has_subscriber(self) -> bool:
-        """Return whether a controller subscribes to joint trajectories."""
-        listeners = self._node.get_subscriptions_info_by_topic(self._trajectories.topic_name)
-        names = [endpoint_name(listener).rpartition('/')[2] for listener in listeners]
-        return any(name and name not in _LISTENERS for name in names)
 
 
 PUT_BACK = 'put_back'
@@ -102,32 +94,22 @@ class PageRequests:
 
     def __init__(self, node: Node, bridges: Sequence[str]) -> None:
         self._stops = {action: StopService(node, action, bridges) for action in STOPS}
-        self._services = {
-            action: BridgeService(node, action, bridges)
-            for action in (*ACTIONS, PUT_BACK)
-            if action not in STOPS
-        }
+        others = {*ACTIONS, PUT_BACK} - STOPS
+        self._services = {action: BridgeService(node, action, bridges) for action in others}
 
     @property
-    def emulated(self) -> str:
-        """Node name of a running bridge with emulated boards; empty if no such bridge runs."""
-        return self._services[PUT_BACK].found
+    def emulated(self) -> bool:
+        """Whether a bridge with emulated boards is running."""
+        return bool(self._services[PUT_BACK].found)
 
     def look_for_bridges(self) -> None:
         """Find all running bridges now, so that a later stop request reaches them sooner."""
         for stop in self._stops.values():
             stop.look()
 
-    def ask(self, action: str) -> tuple[bool, str]:
-        """Send the request `action` to the bridge, and wait for the bridge's answer.
-
-        Returns
-        -------
-        done, text
-            Whether the request succeeded, and the answer of the bridge.
-        """
-        service = self._stops.get(action) or self._services.get(action)
-        return (False, f'unknown request {action}') if service is None else service.call()
+    def ask(self, action: str) -> Answer:
+        """Send the request `action` to the bridge, and return the bridge's answer."""
+        return (self._stops if action in STOPS else self._services)[action].call()
 
 
 _STEP = 0.01  # [rad] of a slider
@@ -213,16 +195,12 @@ class ViewControls:
         goal = [slider.value for slider in self._sliders]
         low, high = self._limits.T
         if not (np.all(np.isfinite(goal)) and np.all(goal >= low) and np.all(goal <= high)):
-            self._panel.show_result(
-                False, 'not sent:', 'a slider is outside the position limits of its joint'
-            )
+            done, text = False, 'a slider is outside the position limits of its joint'
         elif self._posture is None:
-            self._panel.show_result(
-                False, 'not sent:', 'no joint angles received yet: start a bridge'
-            )
+            done, text = False, 'no joint angles received yet: start a bridge'
         else:
             done, text = self._motion.go(self._posture, goal, self._speed_share())
-            self._panel.show_result(done, 'Move' if done else 'not sent:', text)
+        self._panel.show_result(done, 'Move' if done else 'not sent:', text)
 
     def _take_posture(self) -> None:
         if self._posture is None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from aerarm_ros.pages.html_text import Html, macros
 
@@ -29,39 +28,31 @@ def elements() -> Any:
     return macros(Path(__file__).with_name('view.html'))
 
 
-@dataclass(frozen=True)
-class ViewStatus:
-    """Content of one DiagnosticStatus message, with the message's time of arrival.
-
-    Attributes
-    ----------
-    level
-        0 OK, 1 WARN, 2 ERROR, 3 STALE.
-    message
-        Text of the publishing node.
-    values
-        Values by their keys.
-    received
-        Monotonic time of arrival [s].
-    """
+class _Status(NamedTuple):
+    """Content of a DiagnosticStatus message, and the monotonic time of its arrival [s]."""
 
     level: int
     message: str
-    values: Mapping[str, str] = field(default_factory=dict)
-    received: float = 0.0
+    values: Mapping[str, str]
+    received: float
 
 
 class ViewDiagnostics:
     """Store the newest diagnostic status of each name, and convert all stored statuses to HTML."""
 
     def __init__(self) -> None:
-        self._statuses: dict[str, ViewStatus] = {}
+        self._statuses: dict[str, _Status] = {}
 
-    def add(self, name: str, status: ViewStatus) -> None:
-        """Store a status under its name, and delete the statuses of nodes that have ended."""
+    def add(
+        self, name: str, level: int, message: str, values: Mapping[str, str], now: float
+    ) -> None:
+        """Store a status under its name, and delete the statuses of nodes that have ended.
+
+        `now` is the monotonic time of arrival [s].
+        """
         # A copy, because the thread that shows the statuses may be reading the old one.
-        latest = {**self._statuses, name: status}
-        self._statuses = dict(self._present(status.received, latest))
+        present = dict(self._present(now))
+        self._statuses = {**present, name: _Status(level, message, values, now)}
 
     def recovery_hint(self, now: float) -> str:
         """Return the recovery hint that the bridge publishes during a fault, or an empty string."""
@@ -85,16 +76,14 @@ class ViewDiagnostics:
         ]
         return Html(elements().statuses(lines))
 
-    def _level(self, status: ViewStatus, now: float) -> int:
+    def _level(self, status: _Status, now: float) -> int:
         if now - status.received > _STALE_AFTER:
             return _STALE
         # Any node can publish there, with any byte.
         return status.level if status.level <= _STALE else _ERROR
 
-    def _present(
-        self, now: float, statuses: Mapping[str, ViewStatus] | None = None
-    ) -> list[tuple[str, ViewStatus]]:
-        known = sorted((self._statuses if statuses is None else statuses).items())
+    def _present(self, now: float) -> list[tuple[str, _Status]]:
+        known = sorted(self._statuses.items())
         return [(name, status) for name, status in known if now - status.received < _GONE_AFTER]
 
 

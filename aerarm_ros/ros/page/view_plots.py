@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import cycle, islice
 
 import numpy as np
 import viser
@@ -15,51 +17,12 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.motion.signals import Array
+from aerarm_ros.ros.messages import quaternion, vector
 from aerarm_ros.ros.page.view_diagnostics import elements
 from aerarm_ros.ros.states.state_stream import StateSampler
 
-
-class ViewHistory:
-    """Ring buffer of arrays of equal shape, each with its sampling time.
-
-    Parameters
-    ----------
-    shape
-        Shape of each sample.
-    duration
-        Stored time [s].
-    rate
-        Samples per second.
-    """
-
-    def __init__(self, shape: tuple[int, ...], duration: float, rate: float) -> None:
-        size = max(2, int(duration * rate))
-        self._duration = duration
-        self._time = np.full(size, -np.inf)
-        self._values = np.zeros((size, *shape))
-        self._next = 0
-
-    def add(self, now: float, values: Array) -> None:
-        """Store a sample, taken at the monotonic time `now` [s]."""
-        self._time[self._next] = now
-        self._values[self._next] = values
-        self._next = (self._next + 1) % len(self._time)
-
-    def window(self, now: float) -> tuple[Array, Array]:
-        """Return the stored samples that are not older than `duration` [s].
-
-        Returns
-        -------
-        time : (k,) relative to `now`, negative and ascending [s]
-        values : (k, *shape)
-        """
-        order = np.roll(np.arange(len(self._time)), -self._next)
-        order = order[self._time[order] >= now - self._duration]
-        return self._time[order] - now, self._values[order]
-
-
 # Rows stored per joint.
-ROWS = ('q', 'dq', 'tau', 'q_ref', 'dq_ref', 'tau_ref', 'current', 'power')
+ROWS = ('q', 'dq', 'tau', 'q_ref', 'dq_ref', 'tau_ref', 'current', 'power', 'error')
 _SILENT = 1.0  # [s] without states before a notice
 _STALE = 0.3  # [s] after which a reference, a current or a power is dropped
 
@@ -82,8 +45,6 @@ class ViewFeed:
 
     Attributes
     ----------
-    joints
-        Samples of `ROWS`, with shape (8, n).
     posture
         (n,) newest joint positions [rad], None before the first message.
     pose
@@ -95,7 +56,8 @@ class ViewFeed:
         self, node: Node, names: Sequence[str], duration: float, rate: float, has_base: bool
     ) -> None:
         n = len(names)
-        self.joints = ViewHistory((len(ROWS), n), duration, rate)
+        self._duration = duration
+        self._history: deque[tuple[float, Array]] = deque(maxlen=max(2, int(duration * rate)))
         self.posture: Array | None = None
         self.pose: tuple[Array, Array] | None = None
         self._states = StateSampler(node, names)
@@ -107,8 +69,7 @@ class ViewFeed:
         self._received_at = np.full(len(ROWS), -np.inf)
         self._odometry: Odometry | None = None
         if has_base:
-            topic = topics.ODOMETRY
-            node.create_subscription(topic.type, topic.name, self._on_odometry, topic.qos)
+            topics.ODOMETRY.subscription(node, self._on_odometry)
 
     def update(self, now: float) -> bool:
         """Read new messages, and return whether joint states arrived.
@@ -123,8 +84,21 @@ class ViewFeed:
         self._received_at[0] = now
         self.posture = state[0]
         self._row[:3] = state
-        self.joints.add(now, self._row)
+        self._row[-1] = self._row[3] - self._row[0]
+        self._history.append((now, self._row.copy()))
         return True
+
+    def window(self, now: float) -> tuple[Array, Array]:
+        """Return the stored samples that are not older than `duration` [s].
+
+        Returns
+        -------
+        time : (k,) relative to `now`, negative and ascending [s]
+        values : (k, len(ROWS), n)
+        """
+        times = np.array([time for time, _ in self._history])
+        first = int(np.searchsorted(times, now - self._duration))
+        return times[first:] - now, np.array([row for _, row in islice(self._history, first, None)])
 
     def describe(self, now: float) -> str:
         """Return a text for the user about the received or missing messages on joint_states."""
@@ -169,8 +143,8 @@ class ViewFeed:
         message, self._odometry = self._odometry, None
         if message is None:
             return
-        p, q = message.pose.pose.position, message.pose.pose.orientation
-        place, turn = np.array([p.x, p.y, p.z]), np.array([q.w, q.x, q.y, q.z])
+        place = vector(message.pose.pose.position)
+        turn = np.roll(quaternion(message.pose.pose.orientation), 1)
         if np.all(np.isfinite([*place, *turn])) and np.any(turn):
             turn /= np.linalg.norm(turn)
             self.pose = place, turn
@@ -232,7 +206,7 @@ class ViewPlots:
         with panel.add_tab('Plots'):
             with gui.add_folder('Quantities', expand_by_default=False):
                 boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in _QUANTITIES}
-            gui.add_html(_legend(names))
+            gui.add_html(str(elements().legend(zip(cycle(_STROKES), names, strict=False))))
             self._plots = {q: self._add(gui, q) for q in _QUANTITIES}
         for quantity, box in boxes.items():
             box.on_update(partial(self._show, quantity))
@@ -256,9 +230,6 @@ class ViewPlots:
                 plot.data = self._columns(quantity, time, values)
 
     def _columns(self, quantity: _Quantity, time: Array, values: Array) -> tuple[Array, ...]:
-        if quantity.value == 'error':
-            error = values[:, ROWS.index('q_ref')] - values[:, ROWS.index('q')]
-            return (time, *np.ascontiguousarray(np.nan_to_num(error.T)))
         rows = np.nan_to_num(values[:, ROWS.index(quantity.value)].T)
         columns = [rows]
         # A missing reference repeats the joint's value, because gaps would remove the plot's scale,
@@ -276,50 +247,26 @@ class ViewPlots:
 
         The time axis is fixed, because an automatic time axis would not follow later data.
         """
-        series = self._series(quantity)
-        start = np.array([-self._duration, 0.0])
+        line = viser.uplot.Series
+        colors = [color for _, color in zip(self._names, cycle(_STROKES), strict=False)]
+        lines = [line(label='reference', stroke=c, width=1.0, dash=(5, 4)) for c in colors]
+        # The curves of the joints are last, so that they are drawn on top.
+        lines = lines if quantity.reference else []
+        named = zip(self._names, colors, strict=True)
+        lines += [line(label=name, stroke=color, width=1.5) for name, color in named]
+        scales = {'x': viser.uplot.Scale(time=False, range=(-self._duration, 0.0))}
+        if quantity.small:
+            sides = {'min': -quantity.small, 'max': quantity.small}
+            limits = {side: {'pad': 0.1, 'soft': soft, 'mode': 1} for side, soft in sides.items()}
+            scales['y'] = viser.uplot.Scale(range=limits)
         return gui.add_uplot(
-            (start, *([np.zeros(2)] * len(series))),
-            (viser.uplot.Series(label='t [s]'), *series),
+            (np.array([-self._duration, 0.0]), *([np.zeros(2)] * len(lines))),
+            (viser.uplot.Series(label='t [s]'), *lines),
             title=quantity.title,
-            scales={'x': viser.uplot.Scale(time=False, range=(-self._duration, 0.0))}
-            | _at_least(quantity.small),
+            scales=scales,
             axes=(viser.uplot.Axis(ticks=_TICKS), _ACROSS),
             legend=viser.uplot.Legend(show=False),
             height=_HEIGHT,
             padding=_PADDING,
             visible=quantity.is_shown,
         )
-
-    def _series(self, quantity: _Quantity) -> list[viser.uplot.Series]:
-        colors = [_color(k) for k in range(len(self._names))]
-        lines = [_line(name, color) for name, color in zip(self._names, colors, strict=True)]
-        # The curves of the joints are last, so that they are drawn on top.
-        if quantity.reference:
-            lines = [_line('reference', color, (5, 4)) for color in colors] + lines
-        return lines
-
-
-def _at_least(small: float) -> dict[str, viser.uplot.Scale]:
-    """Return a plot's vertical scale, which covers at least the range -`small` to +`small`."""
-    if not small:
-        return {}
-    sides = {'min': -small, 'max': small}
-    limits = {side: {'pad': 0.1, 'soft': soft, 'mode': 1} for side, soft in sides.items()}
-    return {'y': viser.uplot.Scale(range=limits)}
-
-
-def _color(k: int) -> str:
-    return _STROKES[k % len(_STROKES)]
-
-
-def _legend(names: Sequence[str]) -> str:
-    """Return an HTML legend with the name of each joint in the colour of its curves."""
-    return str(elements().legend([(_color(k), name) for k, name in enumerate(names)]))
-
-
-def _line(label: str, stroke: str, dash: tuple[int, ...] = ()) -> viser.uplot.Series:
-    series = viser.uplot.Series(label=label, stroke=stroke, width=1.5 if not dash else 1.0)
-    if dash:
-        series['dash'] = dash
-    return series

@@ -124,12 +124,8 @@ class Parameter:
 
     def constraints(self) -> str:
         """Return a text for `ros2 param describe`: the bounds, and whether it is read-only."""
-        when = (
-            ''
-            if self.live
-            else 'read-only while the node runs: set the value at the start with -p NAME:=VALUE'
-        )
-        return '; '.join(filter(None, (self._bounds(), when)))
+        fixed = 'read-only while the node runs: set the value at the start with -p NAME:=VALUE'
+        return '; '.join(filter(None, (self._bounds(), '' if self.live else fixed)))
 
 
 # bool comes before int, because a bool is an int in Python.

@@ -16,7 +16,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.excitation.player import ExcitationPlayer
 from aerarm_ros.excitation.settings import ExcitationError
-from aerarm_ros.hardware.bridge_modes import COMMANDABLE, to_switch_on
+from aerarm_ros.hardware.bridge_modes import COMMANDABLE, NOT_ACTIVE, to_switch_on
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.ros.diagnostics import WaitingNotice
 from aerarm_ros.ros.graph import DuplicatePublisherCheck, SilencePatience
@@ -50,17 +50,15 @@ class DampingAccount:
     @property
     def damped(self) -> tuple[int, float]:
         """Number and total duration [s] of the intervals in which the bridge damped the arm."""
-        times, total = 0, 0
         modes = sorted(self._modes)
         ends = [when for when, _ in modes[1:]] + [self.end_ns]
-        before = ''
-        for (start, mode), stop in zip(modes, ends, strict=True):
-            overlap = min(stop, self.end_ns) - max(start, self.begin_ns)
-            if mode == _DAMPED and overlap > 0:
-                total += overlap
-                times += before != _DAMPED
-            before = mode
-        return times, 1e-9 * total
+        durations = [
+            min(stop, self.end_ns) - max(start, self.begin_ns)
+            for (start, mode), stop in zip(modes, ends, strict=True)
+            if mode == _DAMPED
+        ]
+        inside = [duration for duration in durations if duration > 0]
+        return len(inside), 1e-9 * sum(inside)
 
     @property
     def share(self) -> float:
@@ -83,7 +81,7 @@ class DampingAccount:
 MOVABLE = 'ready'
 # Recovery hints for modes in which a motion cannot start.
 _ADVICE = {
-    'inactive': "activate the bridge with 'ros2 lifecycle set /NAME activate'",
+    'inactive': NOT_ACTIVE,
     'disconnected': 'the boards do not respond, so check the log of the bridge',
     'aligning': 'wait a few seconds until the motors are aligned',
     'homing': 'wait a few seconds until the joints have reached their index pulses',
@@ -95,10 +93,6 @@ _ADVICE = {
 # [s] in which all nodes of the domain have announced themselves (config/fastdds.xml).
 _DISCOVERY_TIME = 0.5
 _DEPTH = 100  # queue length in messages: every mode counts, however fast they change
-_LISTENERS = {
-    topics.JOINT_COMMAND.name: 'check that the bridge runs, and the recorder if it is used',
-    topics.JOINT_STATES.name: 'check that the recorder runs',
-}
 _ENABLE = "run 'arm enable' (the arm moves)"
 
 
@@ -113,10 +107,8 @@ class StartConditions:
         Owner of the subscriptions.
     commands
         Publisher of joint_command.
-    subscribers
-        Required number of subscribers of joint_command and joint_states.
     recorder
-        Whether the recorder must have discovered both topics.
+        Whether a recorder must record joint_command and joint_states.
     on_mode
         Called with each arm_mode and its reception time [ns, monotonic].
 
@@ -127,27 +119,19 @@ class StartConditions:
     """
 
     def __init__(
-        self,
-        node: Node,
-        commands: Publisher,
-        subscribers: int,
-        recorder: bool,
-        on_mode: Callable[[str, int], None],
+        self, node: Node, commands: Publisher, recorder: bool, on_mode: Callable[[str, int], None]
     ) -> None:
         self.mode = ''
         self._discovered = time.monotonic() + _DISCOVERY_TIME
         self._node = node
         self._commands = commands
-        self._subscribers = subscribers
         self._recorder = recorder
         self._recorded: set[str] = set()
         self._store_mode = on_mode
         self._sources = DuplicatePublisherCheck(node, topics.JOINT_STATES)
-        for topic, callback in (
-            (topics.ARM_MODE, self._on_mode),
-            (topics.RECORDER_STATUS, self._on_recorder_status),
-        ):
-            node.create_subscription(topic.type, topic.name, callback, topic.queued(_DEPTH).qos)
+        topic = topics.ARM_MODE.queued(_DEPTH)
+        node.create_subscription(topic.type, topic.name, self._on_mode, topic.qos)
+        topics.RECORDER_STATUS.subscription(node, self._on_recorder_status)
 
     def missing(self) -> list[str]:
         """Return one phrase for each start condition that is not met.
@@ -168,17 +152,13 @@ class StartConditions:
             missing.append('the search for other bridges has not finished')
         if self.mode != MOVABLE:
             missing.append(f"arm_mode is '{self.mode}': {_ADVICE.get(self.mode, _ENABLE)}")
-        matched = {
-            topics.JOINT_COMMAND.name: self._commands.get_subscription_count(),
-            topics.JOINT_STATES.name: self._node.count_subscribers(topics.JOINT_STATES.name),
-        }
-        for name, count in matched.items():
-            if count < self._subscribers:
-                missing.append(
-                    f'{name} has {count} of {self._subscribers} subscribers: {_LISTENERS[name]}'
-                )
-        resolve = self._node.resolve_topic_name
-        unrecorded = [name for name in matched if resolve(name) not in self._recorded]
+        if not self._commands.get_subscription_count():
+            missing.append('no node subscribes to joint_command: check that the bridge runs')
+        unrecorded = [
+            topic.name
+            for topic in (topics.JOINT_COMMAND, topics.JOINT_STATES)
+            if self._node.resolve_topic_name(topic.name) not in self._recorded
+        ]
         if self._recorder and unrecorded:
             missing.append(
                 f"no recorder records {' and '.join(unrecorded)}: run 'recorder' in this ROS domain"
@@ -218,8 +198,8 @@ class MotionPlayback:
         Owner of publisher and subscriptions.
     joint_names
         Joint names in the order of all arrays.
-    subscribers, recorder
-        Further start conditions, see `StartConditions`.
+    recorder
+        Whether a recorder must record the motion.
     on_rejection
         Called with the reason for which a joint state cannot be used.
 
@@ -239,21 +219,17 @@ class MotionPlayback:
         self,
         node: Node,
         joint_names: tuple[str, ...],
-        subscribers: int = 1,
         recorder: bool = False,
-        on_rejection: Callable[[str], None] | None = None,
+        on_rejection: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.stop_asked = False
         self._node = node
         self._name = node.get_name()
         self._logger = node.get_logger()
         self._codec = JointStateCdr(joint_names)
-        command = topics.JOINT_COMMAND
-        self._commands = node.create_publisher(command.type, command.name, command.offered)
+        self._commands = topics.JOINT_COMMAND.publisher(node)
         self.damping = DampingAccount()
-        self._conditions = StartConditions(
-            node, self._commands, subscribers, recorder, self.damping.note
-        )
+        self._conditions = StartConditions(node, self._commands, recorder, self.damping.note)
         self._rejection = ''
         self._answered_ns: int | None = None
         self._seen_ns: int | None = None
@@ -406,8 +382,7 @@ class MotionPlayback:
 
     def _reject(self, reason: str) -> None:
         self._rejection = reason
-        if self._on_rejection is not None:
-            self._on_rejection(reason)
+        self._on_rejection(reason)
 
 
 def _missing_rest(state: ArmState | None) -> list[str]:

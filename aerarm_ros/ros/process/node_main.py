@@ -74,7 +74,7 @@ class CommandLine:
             '',
             self._description,
             '',
-            'Parameters (`ros2 param set` changes those marked live while the node runs):',
+            'Parameters (`arm set` changes those marked live while the node runs):',
         ]
         parameters = list(self._parameters.values())
         groups = dict.fromkeys(['', *(parameter.group for parameter in parameters)])
@@ -216,11 +216,9 @@ def run_node(
             if status is not None:
                 return status
         try:
-            notice = stay_on_this_host()
+            print_notice(name, *filter(None, [stay_on_this_host()]))
         except ValueError as error:
             return _report(name, error, USER_ERROR)
-        if notice:
-            print_notice(name, notice)
         return _run_node(name, create, args, interruption)
 
 

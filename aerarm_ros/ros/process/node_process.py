@@ -9,9 +9,9 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, MutableMapping, Sequence
+from itertools import chain
 from pathlib import Path
 from pwd import getpwuid
-from types import TracebackType
 from typing import IO
 
 from aerarm_ros.description.resources import resource
@@ -155,12 +155,7 @@ class NodeProcess:
     def __enter__(self) -> NodeProcess:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
 
@@ -174,11 +169,8 @@ def ros_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
 
 def parameter_arguments(parameters: Mapping[str, object]) -> list[str]:
     """Return the command-line arguments that set the given ROS parameters of a node."""
-    arguments = []
-    for key, value in parameters.items():
-        # ROS accepts several groups of arguments; one group per parameter is readable in `ps`.
-        arguments += ['--ros-args', '-p', f'{key}:={_as_yaml(value)}', '--']
-    return arguments
+    rules = [('-p', f'{key}:={_as_yaml(value)}') for key, value in parameters.items()]
+    return ['--ros-args', *chain(*rules), '--'] if rules else []
 
 
 def _as_yaml(value: object) -> str:
@@ -297,13 +289,5 @@ def use_packaged_profile(environment: MutableMapping[str, str] = os.environ) -> 
 
 def has_packaged_profile(environment: Mapping[str, str] = os.environ) -> bool:
     """Return whether the environment selects one of the Fast DDS profiles of this package."""
-    named = environment.get(PROFILES_FILE, '')
-    packaged = [_content(resource('config', name)) for name in (_EVERYWHERE, _LOOPBACK)]
-    return _content(Path(named)) in packaged
-
-
-def _content(path: Path) -> bytes | None:
-    try:
-        return path.read_bytes()
-    except OSError:
-        return None
+    packaged = [str(resource('config', name)) for name in (_EVERYWHERE, _LOOPBACK)]
+    return environment.get(PROFILES_FILE, '') in packaged

@@ -23,7 +23,6 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from types import FrameType
 from typing import Any, ClassVar, TextIO
 
@@ -156,14 +155,6 @@ _FREEZING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 _SAME = 1.0
 
 
-@dataclass
-class _Request:
-    """State of a stop request, which nested `StopSignals` contexts share."""
-
-    is_made: bool = False
-    time: float | None = None  # of the first signal in _REQUESTS [s, monotonic]
-
-
 class StopSignals:
     """Context in which the first signal that would end the process calls a function.
 
@@ -196,22 +187,24 @@ class StopSignals:
         self._stays_awake = stays_awake
         self._is_last = is_last
         self._has_called = False
-        self._request = _Request()
         self._outer: StopSignals | None = None
+        self._outermost = self  # nested contexts share the state of its request
+        self._is_asked = False
+        self._asked_at: float | None = None  # time of the first signal in _REQUESTS [s, monotonic]
         self._previous: dict[int, object] = {}
 
     def __enter__(self) -> StopSignals:
         self._outer = StopSignals._innermost
         StopSignals._innermost = self
         if self._outer is not None:
-            self._request = self._outer._request
+            self._outermost = self._outer._outermost
         unused = [number for number in _ENDING if self._may_take(number)]
         self._previous = {
             number: signal.signal(number, self._handle) for number in (*_REQUESTS, *unused)
         }
         if self._stays_awake:
             self._previous |= {n: signal.signal(n, signal.SIG_IGN) for n in _FREEZING}
-        if self._request.is_made and not self._has_called:
+        if self._outermost._is_asked and not self._has_called:
             self._call_on_stop()
         return self
 
@@ -242,16 +235,16 @@ class StopSignals:
         return handler is signal.SIG_DFL or (outer is not None and number in outer._previous)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        request = self._request
+        shared = self._outermost
         if number in _REQUESTS:
             now = time.monotonic()
-            if request.time is None:
-                request.time = now
-            elif now - request.time > _SAME:
+            if shared._asked_at is None:
+                shared._asked_at = now
+            elif now - shared._asked_at > _SAME:
                 signal.signal(number, signal.SIG_DFL)
                 signal.raise_signal(number)
-        if not request.is_made:
-            request.is_made = True
+        if not shared._is_asked:
+            shared._is_asked = True
             self._call_on_stop()
 
     def _call_on_stop(self) -> None:

@@ -6,23 +6,19 @@ import argparse
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import yaml
 
 from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data, read_plain
 from aerarm_ros.ros.process.process_end import USER_ERROR
 
-COMPLETING = '_ARGCOMPLETE'
-"""Environment variable that a shell sets when it requests completions from a program."""
-
 
 def complete(parser: argparse.ArgumentParser) -> None:
     """Print completions and end the process if a shell requests them; otherwise do nothing."""
-    if COMPLETING in os.environ:
+    if '_ARGCOMPLETE' in os.environ:
         import argcomplete
 
         argcomplete.autocomplete(parser)
@@ -73,8 +69,7 @@ class UsageError(ValueError):
     """A command-line argument is invalid; the message states valid arguments."""
 
 
-@dataclass(frozen=True)
-class GivenParameter:
+class GivenParameter(NamedTuple):
     """Parameter that the command line or a parameter file sets.
 
     Attributes
@@ -170,31 +165,23 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[tuple[str, str]]]:
 
 
 def _parameter_of_rule(rule: str) -> GivenParameter:
-    """Return the parameter that a rule of the form [NODE:]NAME:=VALUE sets."""
-    left, separator, value = rule.partition(':=')
-    if not separator:
-        raise UsageError(f'-p {rule} is invalid: write -p NAME:=VALUE')
-    _check_value(rule, left, value)
+    """Return the parameter that a rule of the form [NODE:]NAME:=VALUE sets.
+
+    Raise UsageError for a value that rcl, the ROS client library, cannot read.
+    """
+    left, _, value = rule.partition(':=')
+    try:
+        is_valid = bool(value) and not isinstance(plain_data(value, _Untagged), Mapping)
+    except ConfigError:
+        is_valid = False
+    if not is_valid:
+        raise UsageError(
+            f'-p {rule} is invalid: write -p NAME:=VALUE, with a value such as 2.5, true, '
+            "'[1.0, 2.0]' or text. An empty text, and text with YAML special characters, need two "
+            'pairs of quotes: -p NAME:="\'TEXT\'"'
+        )
     node, colon, name = left.rpartition(':')
     return GivenParameter(f'/{node.lstrip("/")}' if colon else ANY_NODE, name, '-p')
-
-
-def _check_value(rule: str, left: str, value: str) -> None:
-    """Raise a UsageError for a value that rcl, the ROS client library, cannot read."""
-    if not value:
-        raise UsageError(
-            f'-p {rule} has no value: write -p {left}:=VALUE, or -p {left}:="\'\'" for an empty '
-            'text'
-        )
-    try:
-        is_read = not isinstance(plain_data(value, _Untagged), Mapping)
-    except ConfigError:
-        is_read = False
-    if not is_read:
-        raise UsageError(
-            f"-p {rule} has no valid value: write a value such as 2.5, true, '[1.0, 2.0]' or text. "
-            f'Text with YAML special characters needs two pairs of quotes: -p {left}:="\'TEXT\'"'
-        )
 
 
 def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
@@ -206,8 +193,6 @@ def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
         raise UsageError(
             f'parameter file {file} is not valid YAML ({error}): correct the file'
         ) from None
-    if not isinstance(content, Mapping):
-        raise UsageError(f"parameter file {file} has no section 'NODE: {_SECTION}:': add one")
     for node, values in _sections(content, '', file):
         for name in _leaves(values):
             yield GivenParameter(node, name, file)
@@ -217,7 +202,7 @@ def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
     """Yield each node's full name in a parameter file, and its section ros__parameters."""
     if not isinstance(content, Mapping):
         raise UsageError(
-            f"'{node.lstrip('/')}' in parameter file {file} is outside of any section "
+            f"'{node.lstrip('/') or content}' in parameter file {file} is outside of any section "
             f"'NODE: {_SECTION}:': move it into such a section"
         )
     for key, below in content.items():

@@ -53,7 +53,9 @@ class CalibrateArm:
 
     def __init__(self, node: Node, options: argparse.Namespace) -> None:
         self._node, self._options = node, options
-        self._request = SetPointRequest(node)
+        self._request = SetPointRequest(
+            node, lambda what: print_notice('arm', f'waiting for {what}')
+        )
         self._state = JointState()
         self._joints: tuple[str, ...] = ()
         topic = topics.JOINT_STATES
@@ -160,12 +162,7 @@ class CalibrateArm:
     def _visit(self, postures: Array) -> None:
         options = self._options
         for number, posture in enumerate(postures, start=1):
-            self._request.go(
-                posture.tolist(),
-                _TOLERANCE,
-                options.timeout,
-                lambda what: print_notice('arm', f'waiting for {what}'),
-            )
+            self._request.go(posture.tolist(), _TOLERANCE, options.timeout)
             if not spin_until(self._node, self._is_at_rest, options.timeout):
                 raise ArmClientError(
                     f'the arm did not come to rest in posture {number} within '

@@ -177,7 +177,6 @@ class DemoRun:
             parameters = {
                 **trajectory,
                 'periods': options.periods,
-                'subscribers': 2,
                 'wait_for_recorder': True,
                 'wait_timeout': _STEP_TIME,
                 'realtime_priority': max(0, options.priority - 1),

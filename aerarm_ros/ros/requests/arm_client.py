@@ -7,10 +7,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from math import inf
 from types import SimpleNamespace
 
-from rclpy.client import Client
 from rclpy.node import Node
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
 from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, NOT_ACTIVE, STOPS
@@ -19,17 +17,16 @@ from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.requests.bridge_service import (
     BridgeFinder,
     BridgeService,
-    ServiceCall,
     StopRequest,
     bridges_among,
+    no_bridge,
     offered_actions,
-    same_name_problem,
 )
 
 _DISCOVERY_TIME = 0.5  # [s]
 # [s] for which discovery still lists a killed node, with the packaged profile
 _LISTED_AFTER_DEATH = 6.0
-_QUIET = 1.0  # [s] of waiting without a message to the user
+_QUIET = 0.5  # [s] of waiting without a message to the user
 
 
 class ArmClientError(RuntimeError):
@@ -55,7 +52,7 @@ class ArmClient:
     actions
         Names of the actions that will be called.
     on_wait
-        Called with a description of the awaited node if the client has waited for one second.
+        Called with a description of the awaited node if the client has waited for half a second.
     everywhere
         Whether a stop request goes to the bridges of all namespaces.
 
@@ -83,17 +80,16 @@ class ArmClient:
             for action in actions
             if action in STOPS
         }
-        self._clients = {
-            action: [node.create_client(Trigger, f'{bridge}/{action}') for bridge in names]
+        self._services = {
+            action: BridgeService(node, action, names, spins=True)
             for action in actions
             if action not in STOPS
         }
         topic = topics.ARM_MODE
         # A bridge in another namespace publishes its mode there.
         namespace, slash, _ = names[0].rpartition('/') if len(names) == 1 else ('', '', '')
-        self._subscription = node.create_subscription(
-            topic.type, f'{namespace}{slash}{topic.name}', self._on_mode, topic.qos
-        )
+        name = f'{namespace}{slash}{topic.name}'
+        node.create_subscription(topic.type, name, self._on_mode, topic.qos)
 
     def call(self, action: str, timeout: float = 10.0) -> str:
         """Call a service of the bridge and return the text of its answer.
@@ -115,14 +111,23 @@ class ArmClient:
         """
         if action in STOPS:
             return '; '.join(self.stop(action, timeout))
-        client = self._one_client(self._clients[action], timeout)
-        call = ServiceCall(client, timeout)
-        spin_until(self._node, call.poll, inf)
-        answer = call.poll()
-        assert answer is not None
+        service = self._services[action]
+        if self._find(lambda: service.found, timeout):
+            # Discovery may still find another bridge.
+            left = self._begin + _DISCOVERY_TIME - time.monotonic()
+            spin_until(self._node, lambda: False, left)
+        else:
+            others = ' and '.join(bridges_among(offered_actions(self._node)))
+            hint = f'. Found the bridges {others}: select one with --bridge NAME' if others else ''
+            raise ArmClientError(f'{service.problem([])}{hint}')
+        if service.problem(service.found):
+            # Several bridges would all run the request, but a killed one stays listed for a while.
+            self._on_wait('all but one of the bridges to end')
+            left = min(timeout, _LISTED_AFTER_DEATH)
+            spin_until(self._node, lambda: not service.problem(service.found), left)
+        answer = service.call(timeout)
         if not answer.accepted:
-            who = f'{action} rejected' if call.is_answered else client.srv_name
-            raise ArmClientError(f'{who}: {answer.message}')
+            raise ArmClientError(f'{action} failed: {answer.message}')
         return answer.message
 
     def stop(self, action: str, timeout: float = 10.0) -> Iterator[str]:
@@ -151,10 +156,7 @@ class ArmClient:
                 if request.answers[name].accepted:
                     yield f'{name}: {request.answers[name].message}'
         if not request.answers:
-            raise ArmClientError(
-                f'no bridge offers the service {action}: check that a bridge runs in '
-                f'{this_domain()}'
-            )
+            raise ArmClientError(no_bridge(action))
         failed = [f'{n}: {text}' for n, (done, text) in sorted(request.answers.items()) if not done]
         if failed:
             raise ArmClientError(f'the request {action} is NOT confirmed: {"; ".join(failed)}')
@@ -185,43 +187,6 @@ class ArmClient:
             return False
         self._on_wait(f'a bridge in {this_domain()}')
         return spin_until(self._node, condition, timeout - _QUIET)
-
-    def _one_client(self, clients: Sequence[Client], timeout: float) -> Client:
-        """Return the client of the only running bridge, or raise ArmClientError."""
-
-        def ready() -> list[Client]:
-            return [client for client in clients if client.service_is_ready()]
-
-        if not self._find(ready, timeout):
-            names = ' or '.join(client.srv_name for client in clients)
-            others = ' and '.join(bridges_among(offered_actions(self._node)))
-            hint = f'. Found the bridges {others}: select one with --bridge NAME' if others else ''
-            raise ArmClientError(
-                f'no bridge offers the service {names}: check that a bridge runs in '
-                f'{this_domain()}{hint}'
-            )
-        # Discovery may still find another bridge.
-        first, left = ready(), self._begin + _DISCOVERY_TIME - time.monotonic()
-        spin_until(self._node, lambda: False, left)
-        found = ready() or first
-        if len(found) > 1:
-            names = ' and '.join(client.srv_name for client in found)
-            raise ArmClientError(
-                f'several bridges offer the services {names}: stop all bridges but one, or name '
-                'the intended bridge'
-            )
-        self._expect_one_of_its_name(found[0], timeout)
-        return found[0]
-
-    def _expect_one_of_its_name(self, client: Client, timeout: float) -> None:
-        """Raise ArmClientError if several bridges share a name and would all run the request."""
-        if same_name_problem(self._node, client):
-            self._on_wait('all but one of the bridges with the same name to end')
-            timeout = min(timeout, _LISTED_AFTER_DEATH)
-            spin_until(self._node, lambda: not same_name_problem(self._node, client), timeout)
-        problem = same_name_problem(self._node, client)
-        if problem:
-            raise ArmClientError(problem)
 
     def _on_mode(self, message: String) -> None:
         self.mode = message.data

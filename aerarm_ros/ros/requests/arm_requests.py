@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 
 import rclpy
@@ -19,6 +18,9 @@ from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 NAME = 'arm'
 HERE = 64
 """Exit status of `arm record` if the recorder must run on this host, as no `ground_link` runs."""
+
+Request = Callable[[], int | None]
+"""Function that sends a request and prints the result; returns an exit status, None for 0."""
 
 
 class Arm:
@@ -38,10 +40,7 @@ class Arm:
     def run(self) -> None:
         """Send the request and print the result."""
         try:
-            self._request()
-            self.status = 0
-        except _HereError:
-            self.status = HERE
+            self.status = self._request() or 0
         except ArmClientError as error:
             print_error(NAME, error)
 
@@ -54,58 +53,62 @@ def _say_wait(what: str) -> None:
     print_notice(NAME, f'waiting for {what}')
 
 
-def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    """Return a function that calls the bridge's service with the same name as the command.
+# Each function creates the clients of its command before the request, because discovery takes time.
 
-    This function creates the service client before the call, because discovery takes time.
-    """
-    bridges = options.bridge or (['fake_hardware'] if options.command == 'put_back' else [])
-    actions = [options.command, *(['home'] if getattr(options, 'home', False) else [])]
-    everywhere = getattr(options, 'all', False)
-    client = ArmClient(node, bridges, actions, _say_wait, everywhere)
+
+def _action(node: Node, options: argparse.Namespace) -> Request:
+    """Return a function that calls the bridge's service with the same name as the command."""
+    action, homes = options.command, getattr(options, 'home', False)
+    bridges = options.bridge or (['fake_hardware'] if action == 'put_back' else [])
+    actions = [action, 'home'] if homes else [action]
+    client = ArmClient(node, bridges, actions, _say_wait, getattr(options, 'all', False))
 
     def ask() -> None:
+        # An arm that is already in the final mode need not reach the first one.
+        final = options.wait or []
         if options.wait_before:
-            # An arm that is already in the final mode need not reach the first one.
-            modes = [options.wait_before, *(options.wait or ())]
-            client.wait_for_mode(modes, options.timeout)
-        action = options.command
-        if getattr(options, 'home', False):
-            client.wait_for_mode([*OFF, *(options.wait or ())], options.timeout)
-            action = 'home' if client.mode == 'unhomed' else action
-        if options.command in STOPS:
-            for answer in client.stop(options.command, options.timeout):
+            client.wait_for_mode([options.wait_before, *final], options.timeout)
+        if homes:
+            client.wait_for_mode([*OFF, *final], options.timeout)
+        if action in STOPS:
+            for answer in client.stop(action, options.timeout):
                 print_answer(answer)  # The stop continues even if the answer is lost.
         else:
-            print(client.call(action, options.timeout), flush=True)
-        if options.wait:
-            client.wait_for_mode(options.wait, options.timeout)
+            is_unhomed = homes and client.mode == 'unhomed'
+            print(client.call('home' if is_unhomed else action, options.timeout), flush=True)
+        if final:
+            client.wait_for_mode(final, options.timeout)
             print(f'arm_mode {client.mode}', flush=True)
 
     return ask
 
 
-def _motion(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+def _motion(node: Node, options: argparse.Namespace) -> Request:
     """Return a function that moves the joints or the tool, or presses the tool on a wall."""
     from aerarm_ros.ros.requests.motion_request import PressRequest, SetPointRequest, ToolRequest
 
-    given = options
-    act: Callable[[], str]
-    if given.command == 'go':
-        go = SetPointRequest(node).go
-        act = partial(go, given.angle, given.tolerance, given.timeout, _say_wait, given.on_contact)
-    elif given.command == 'tool':
-        place = given.x, given.y, given.z
-        move = ToolRequest(node).go
-        act = partial(move, place, given.tolerance, given.timeout, _say_wait, given.frame)
-    else:
-        press = PressRequest(node).press
-        act = partial(press, (given.x, given.y, given.z), given.timeout, _say_wait)
-    return lambda: print(act(), flush=True)
+    kind = {'go': SetPointRequest, 'tool': ToolRequest, 'press': PressRequest}[options.command]
+    request = kind(node, _say_wait)
+
+    def ask() -> None:
+        timeout = options.timeout
+        if isinstance(request, SetPointRequest):
+            result = request.go(options.angle, options.tolerance, timeout, options.on_contact)
+        elif isinstance(request, ToolRequest):
+            place = options.x, options.y, options.z
+            result = request.go(place, options.tolerance, timeout, options.frame)
+        else:
+            result = request.press((options.x, options.y, options.z), timeout)
+        print(result, flush=True)
+
+    return ask
 
 
-def _set(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+def _set(node: Node, options: argparse.Namespace) -> Request:
     from aerarm_ros.ros.requests.parameter_request import ParameterRequest
+
+    if options.command == 'fault':
+        options.node, options.name, options.value = options.bridge, 'fault', options.fault
 
     def ask() -> None:
         request = ParameterRequest(node, options.node, options.timeout)
@@ -115,59 +118,47 @@ def _set(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     return ask
 
 
-def _fault(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    options.node, options.name, options.value = options.bridge, 'fault', options.fault
-    return _set(node, options)
-
-
-def _record(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+def _record(node: Node, options: argparse.Namespace) -> Request:
     from aerarm_ros.ros.requests.recording_request import RecordingRequest
 
     folder = Path(options.what).resolve()
     request = RecordingRequest(node, folder.name, folder, lambda text: print_notice(NAME, text))
 
-    def ask() -> None:
-        if not request.is_on_ground():
-            if options.command == 'record':
-                raise _HereError
+    def ask() -> int | None:
+        records = options.command == 'record'
+        if request.is_on_ground():
+            act = request.record if records else request.fetch
+            act()
+        elif records:
+            return HERE
+        else:
             raise ArmClientError(
                 f'the node ground_link does not run on this host in {this_domain()}: start '
                 'ground_side.launch.py'
             )
-        if options.command == 'record':
-            request.record()
-        else:
-            request.fetch()
+        return None
 
     return ask
 
 
-class _HereError(Exception):
-    """No `ground_link` runs, so the recorder must run on this host."""
-
-
-def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+def _commission(node: Node, options: argparse.Namespace) -> Request:
     # Late import, because this command's model of the arm takes a second to load.
     from aerarm_ros.ros.requests.commissioning_client import CommissioningRun
 
     return CommissioningRun(node, options).run
 
 
-def _calibrate(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+def _calibrate(node: Node, options: argparse.Namespace) -> Request:
     from aerarm_ros.ros.programs.calibrate_arm import CalibrateArm
 
     return CalibrateArm(node, options).run
 
 
 # Every other command calls the bridge's service of its name.
-_REQUESTS: dict[str, Callable[[Node, argparse.Namespace], Callable[[], None]]] = {
-    'go': _motion,
-    'tool': _motion,
-    'press': _motion,
-    'set': _set,
-    'fault': _fault,
-    'record': _record,
-    'fetch': _record,
+_REQUESTS: dict[str, Callable[[Node, argparse.Namespace], Request]] = {
+    **dict.fromkeys(('go', 'tool', 'press'), _motion),
+    **dict.fromkeys(('set', 'fault'), _set),
+    **dict.fromkeys(('record', 'fetch'), _record),
     'commission': _commission,
     'calibrate': _calibrate,
 }

@@ -1,4 +1,7 @@
-"""Service calls to the bridge from a node that an executor spins in another thread."""
+"""Service calls to the bridge: to the only bridge, or to all bridges for a stop.
+
+The node is spun by an executor in another thread, or by the waiting call itself (`spins`).
+"""
 
 from __future__ import annotations
 
@@ -15,10 +18,15 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_modes import ACTIONS, REACHES_ALL, Answer
-from aerarm_ros.ros.executors import this_domain
+from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.process.node_process import has_packaged_profile
 
 ASK_AGAIN = 0.5  # [s]
+
+
+def no_bridge(services: str) -> str:
+    """Return the error message that no bridge offers the named services."""
+    return f'no bridge offers the service {services}: check that a bridge runs in {this_domain()}'
 
 
 class ServiceCall:
@@ -32,27 +40,15 @@ class ServiceCall:
         Client of a ready `std_srvs/Trigger` service.
     timeout
         Longest time to wait for the answer [s].
-    waits
-        Whether to keep waiting for a bridge that has disappeared from the ROS graph. A bridge also
-        disappears for a while if its host pauses for seconds.
     repeats
         Whether to repeat the request until an answer arrives. An answer is lost if the bridge has
         not yet discovered the client. Set this only for requests that may be executed twice.
-
-    Attributes
-    ----------
-    is_answered
-        Whether the result of `poll` is an answer of the bridge, not of this class.
     """
 
-    def __init__(
-        self, client: Client, timeout: float, waits: bool = True, repeats: bool = False
-    ) -> None:
-        self.is_answered = False
+    def __init__(self, client: Client, timeout: float, repeats: bool = False) -> None:
         self._answer: Answer | None = None
         self._client = client
         self._timeout = timeout
-        self._waits = waits
         self._interval = ASK_AGAIN if repeats else inf
         self._begin = self._asked = time.monotonic()
         self._futures: list[Future] = []
@@ -65,21 +61,18 @@ class ServiceCall:
             return self._answer
         now = time.monotonic()
         answer = next((future.result() for future in self._futures if future.done()), None)
+        is_late = now - self._begin > self._timeout
         if answer is not None:
-            self.is_answered = True
-            return self._end(bool(answer.success), answer.message)
-        is_sent, is_late = bool(self._futures), now - self._begin > self._timeout
-        if not is_sent and (is_late or self._interval == inf):
-            return self._end(False, self._problem)
-        if is_late:
+            self._end(bool(answer.success), answer.message)
+        elif not self._futures and (is_late or self._interval == inf):
+            self._end(False, self._problem)
+        elif is_late:
             text = f'the bridge did not respond within {self._timeout:g} s: check arm_mode'
-            return self._end(False, text)
-        if not self._waits and not self._client.service_is_ready():
-            return self._end(False, 'the bridge has ended: check its log')
-        if now - self._asked > self._interval:
+            self._end(False, text)
+        elif now - self._asked > self._interval:
             self._asked = now
             self._send()
-        return None
+        return self._answer
 
     def _send(self) -> None:
         try:
@@ -88,12 +81,11 @@ class ServiceCall:
             # Clients of several bridges continue with the next bridge.
             self._problem = f'the request to the bridge could not be sent: {error}'
 
-    def _end(self, accepted: bool, message: str) -> Answer:
+    def _end(self, accepted: bool, message: str) -> None:
         self._answer = Answer(accepted, message)
         for future in self._futures:
             if not future.done():
                 self._client.remove_pending_request(future)
-        return self._answer
 
 
 _PAUSE = 1.0  # [s] without change of the graph, after which discovery counts as complete
@@ -143,13 +135,13 @@ def bridges_among(services: Iterable[str]) -> list[str]:
     return sorted(node for node, actions in offered.items() if len(actions) == len(ACTIONS))
 
 
-def same_name_problem(node: Node, client: Client | None) -> str:
+def same_name_problem(node: Node, client: Client) -> str:
     """Return an error message if several bridges have the name that a client calls, else ''.
 
     All of these bridges execute the request, but the client receives only one answer.
     """
-    count = node.count_services(client.srv_name) if client is not None else 0
-    if client is None or count < 2:
+    count = node.count_services(client.srv_name)
+    if count < 2:
         return ''
     name = node.resolve_service_name(client.srv_name).rpartition('/')[0]
     return (
@@ -251,79 +243,77 @@ class BridgeFinder:
             return None
 
 
-_POLL = 0.02  # [s]
-
-
 class BridgeService:
     """Call a service of the bridge, provided that exactly one bridge runs.
 
     If several bridges run, the request goes to none of them. Use `StopService` for stop requests.
+    The constructor creates the clients, because an answer is lost if the bridge has not yet
+    discovered the client.
 
     Parameters
     ----------
     node
-        Owner of the clients; an executor must spin it in another thread.
+        Owner of the clients.
     action
         Name of the service, one of `ACTIONS` or of the additional services of `fake_hardware`.
     bridges
         Node names of the bridges, relative or absolute.
     timeout
         Longest time to find a bridge, and again for its answer [s].
+    spins
+        Whether `call` spins the node; otherwise an executor must spin it in another thread.
     """
 
     def __init__(
-        self, node: Node, action: str, bridges: Sequence[str], timeout: float = 1.0
+        self,
+        node: Node,
+        action: str,
+        bridges: Sequence[str],
+        timeout: float = 1.0,
+        spins: bool = False,
     ) -> None:
         self._node = node
         self._clients = {name: node.create_client(Trigger, f'{name}/{action}') for name in bridges}
         self._timeout = timeout
+        self._spun = node if spins else None
 
     @property
-    def found(self) -> str:
-        """Node name of a discovered bridge; empty if no bridge is found."""
-        return next(iter(self._ready()), '')
+    def found(self) -> list[str]:
+        """Node names of the discovered bridges."""
+        return [name for name, client in self._clients.items() if client.service_is_ready()]
 
-    def call(self) -> tuple[bool, str]:
+    def problem(self, found: Sequence[str]) -> str:
+        """Return why the request cannot be sent to one of the found bridges, or an empty string."""
+        if not found:
+            return no_bridge(' or '.join(client.srv_name for client in self._clients.values()))
+        if len(found) > 1:
+            return (
+                f'found the bridges {" and ".join(found)}: stop all bridges but one, or name the '
+                'intended bridge'
+            )
+        return same_name_problem(self._node, self._clients[found[0]])
+
+    def call(self, timeout: float | None = None) -> Answer:
         """Send the request and wait for the bridge's answer.
 
         Returns
         -------
-        done
+        accepted
             Whether the bridge has confirmed the request.
-        text
+        message
             Answer of the bridge, or the reason why no bridge received the request.
         """
-        found = self._find()
-        if not found:
-            names = ' or '.join(client.srv_name for client in self._clients.values())
-            return False, (
-                f'no bridge offers the service {names}: check that the bridge runs in '
-                f'{this_domain()}'
-            )
-        if len(found) > 1:
-            return False, (
-                f'found the bridges {" and ".join(found)}: stop all bridges but one, or name the '
-                'intended bridge'
-            )
-        ((name, client),) = found.items()
-        problem = same_name_problem(self._node, client)
+        timeout = self._timeout if timeout is None else timeout
+        spin_until(self._spun, lambda: self.found, timeout)
+        found = self.found
+        problem = self.problem(found)
         if problem:
-            return False, problem
-        call = ServiceCall(client, self._timeout, waits=False)
-        while (answer := call.poll()) is None:
-            time.sleep(_POLL)
-        return answer.accepted, f'{name}: {answer.message}'
-
-    def _find(self) -> dict[str, Client]:
-        deadline = time.monotonic() + self._timeout
-        while True:
-            found = self._ready()
-            if found or time.monotonic() > deadline:
-                return found
-            time.sleep(_POLL)
-
-    def _ready(self) -> dict[str, Client]:
-        return {n: client for n, client in self._clients.items() if client.service_is_ready()}
+            return Answer(False, problem)
+        call = ServiceCall(self._clients[found[0]], timeout)
+        spin_until(self._spun, call.poll, inf)
+        answer = call.poll()
+        assert answer is not None
+        return answer
 
 
 # Services that repeatedly appear and disappear must not delay the answer beyond this time.
@@ -374,8 +364,11 @@ class StopRequest:
     def poll(self) -> bool:
         """Send the request to newly found bridges, collect answers, and return `is_over`."""
         found = self._finder.find(self._is_in_vain)
-        for name, client in found.items():
-            if client is not None and client.service_is_ready():
+        ready = {n: client for n, client in found.items() if client and client.service_is_ready()}
+        for name, client in ready.items():
+            count = max(self._node.count_services(client.srv_name), 1)  # The service is ready.
+            if count > self._asked.get(name, 0):  # another bridge with the same name has appeared
+                self._asked[name] = count
                 self._ask(name, client)
         for name, call in self._calls.items():
             answer = None if name in self.answers else call.poll()
@@ -398,11 +391,7 @@ class StopRequest:
         return self.is_over
 
     def _ask(self, name: str, client: Client) -> None:
-        """Send the request to a bridge, and again if another bridge with the same name appears."""
-        count = max(self._node.count_services(client.srv_name), 1)  # The service is ready.
-        if count > self._asked.get(name, 0):
-            self._asked[name] = count
-            self._calls[name] = ServiceCall(client, self._timeout, repeats=True)
+        self._calls[name] = ServiceCall(client, self._timeout, repeats=True)
 
     def _ask_those_of_one_name(self, found: Mapping[str, Client | None]) -> bool:
         """Send one more request to bridges that share a name; return whether a request was sent.
@@ -412,10 +401,10 @@ class StopRequest:
         """
         asked = False
         for name, client in found.items():
-            problem = same_name_problem(self._node, client)
-            if problem and client is not None and name not in self._asked_last:
+            problem = same_name_problem(self._node, client) if client else ''
+            if problem and client and name not in self._asked_last:
                 self._asked_last.add(name)
-                self._calls[name] = ServiceCall(client, self._timeout, repeats=True)
+                self._ask(name, client)
                 del self.answers[name]
                 asked = True
             elif problem:
@@ -450,23 +439,19 @@ class StopService:
         """Find the running bridges and create their clients now, so that a later call is faster."""
         self._finder.find()
 
-    def call(self) -> tuple[bool, str]:
+    def call(self) -> Answer:
         """Send the request and wait for the answers of all bridges.
 
         Returns
         -------
-        done
+        accepted
             Whether at least one bridge runs and every bridge has confirmed.
-        text
+        message
             Answers of the bridges, sorted by name, or a message that no bridge runs.
         """
         request = StopRequest(self._node, self._finder, self._timeout)
-        while not request.poll():
-            time.sleep(_POLL)
+        spin_until(None, request.poll, inf)
         if not request.answers:
-            return False, (
-                f'no bridge offers the service {self._action}: check that a bridge runs in '
-                f'{this_domain()}'
-            )
+            return Answer(False, no_bridge(self._action))
         text = '; '.join(f'{name}: {reply}' for name, (_, reply) in sorted(request.answers.items()))
-        return all(done for done, _ in request.answers.values()), text
+        return Answer(all(done for done, _ in request.answers.values()), text)

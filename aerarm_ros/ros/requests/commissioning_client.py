@@ -156,8 +156,7 @@ class CommissioningRun:
             If no bridge runs, the bridge stops answering, or a joint does not pass.
         """
         try:
-            self._find_bridge()
-            self._begin()
+            self._begin(self._find_bridge())
             self._lead()
         except ValueError as error:
             raise ArmClientError(str(error)) from None
@@ -175,32 +174,31 @@ class CommissioningRun:
             )
         print(f'passed: {", ".join(record)}; record: {self._path}', flush=True)
 
-    def _find_bridge(self) -> None:
-        def has_reported() -> bool:
+    def _find_bridge(self) -> ProbeReport:
+        def report() -> ProbeReport | None:
             self._poll()
-            return self.report is not None
+            return self.report
 
-        if not spin_until(self._node, has_reported, self._options.timeout):
-            raise ArmClientError(
+        if not spin_until(self._node, report, self._options.timeout) or self.report is None:
+            raise ValueError(
                 'no bridge answers on the topic commissioning_report: check that a bridge is '
                 f'active in {this_domain()}'
             )
-        if self._person is not None and not (self.report and self.report.emulated):
-            raise ArmClientError(
+        if self._person is not None and not self.report.emulated:
+            raise ValueError(
                 '--yes is for emulated boards only, because on a real arm a person must turn the '
                 'joints and check that the arm can move freely: remove --yes'
             )
+        return self.report
 
-    def _begin(self) -> None:
+    def _begin(self, report: ProbeReport) -> None:
         """Start the procedure for the joints that the options name; raise ValueError if invalid."""
-        assert self.report is not None
-        joints = self._options.joint
-        own = self._config.joint_names
-        self._prefix = self.report.joints[0].removesuffix(own[0])
+        joints, own = self._options.joint, self._config.joint_names
+        self._prefix = report.joints[0].removesuffix(own[0])
         config = self._config.with_prefix(self._prefix)
-        if config.joint_names != self.report.joints:
+        if config.joint_names != report.joints:
             raise ValueError(
-                f'the bridge has joints {", ".join(self.report.joints)}, but {self._source} has '
+                f'the bridge has joints {", ".join(report.joints)}, but {self._source} has '
                 f'{", ".join(own)}: select the same configuration as the bridge, with --config'
             )
         robot = load_robot(
@@ -209,13 +207,12 @@ class CommissioningRun:
             joint_names=own,
             prefix=self._prefix,
         )
-        record = self._known_record()
+        record = self._known_record(report.emulated)
         unknown = [name for name in joints if name not in own]
         if unknown:
             raise ValueError(f'unknown joint {", ".join(unknown)}: choose from {", ".join(own)}')
-        chosen = [i for i, name in enumerate(own) if not joints or name in joints]
-        if self._options.resume:
-            chosen = [i for i in chosen if i in record.open_joints(self._config)]
+        left = record.open_joints(self._config) if self._options.resume else range(len(own))
+        chosen = [i for i in left if not joints or own[i] in joints]
         if not chosen:
             raise ValueError(
                 f'every selected joint has already passed: see the record {self._path}'
@@ -233,7 +230,6 @@ class CommissioningRun:
             self._print_news()
             if time.monotonic() - self._received_at > _SILENCE and not guided.is_done:
                 raise ArmClientError('the bridge no longer responds: check the log of the bridge')
-            self._ask()
             if self._person is not None:
                 self._person.poll()
             else:
@@ -267,12 +263,9 @@ class CommissioningRun:
             self._send(ProbeRequest(f'{self._name}:end', OFF))
             time.sleep(_PERIOD)
 
-    def _known_record(self) -> CommissioningRecord:
-        assert self.report is not None
-        fresh = CommissioningRecord(self._config.name, self.report.emulated)
-        if not self._path.exists():
-            return fresh
-        record = load_record(self._path)
+    def _known_record(self, emulated: bool) -> CommissioningRecord:
+        fresh = CommissioningRecord(self._config.name, emulated)
+        record = load_record(self._path) if self._path.exists() else fresh
         if (record.arm, record.emulated) != (fresh.arm, fresh.emulated):
             kind = 'an emulated' if record.emulated else 'the real'
             raise ValueError(
@@ -294,14 +287,12 @@ class CommissioningRun:
             self.report = report
 
     def _print_news(self) -> None:
-        guided = self.guided
-        news = guided.news if guided is not None else []
+        """Print new findings and results, and a new prompt."""
+        assert self.guided is not None
+        news, prompt = self.guided.news, self.prompt
         for line in news[self._printed :]:
             print(line, flush=True)
         self._printed = len(news)
-
-    def _ask(self) -> None:
-        prompt = self.prompt
         if prompt is not None and prompt is not self._asked:
             self._asked = prompt
             print(f'  {prompt.text} {_ANSWERS}', flush=True)

@@ -101,34 +101,27 @@ class ParameterRequest:
 
 def _value(descriptor: ParameterDescriptor, text: str) -> Any:
     """Convert command-line text to a value of the parameter's type."""
-    if descriptor.type == _Type.STRING.value:
+    kind = _Type(descriptor.type)
+    if kind == _Type.STRING:
         return text
     try:
         value = plain_data(text)
-    except ConfigError:
-        value = None
-    if descriptor.type == _Type.DOUBLE.value:
-        value = _number(value)
-    elif descriptor.type == _Type.DOUBLE_ARRAY.value and value is not None:
-        elements = value if isinstance(value, list) else [value]
-        value = [_number(element) for element in elements]
-    try:
-        _Type.from_parameter_value(value)
-    except TypeError:
-        value = None
-    if value is None:
-        raise ArmClientError(
-            f'{text!r} is not a valid value of the parameter: write a value such as 0.5, true or '
-            '[1.0, 2.0]'
-        )
-    return value
+        if kind == _Type.DOUBLE:
+            value = _number(value)
+        elif kind == _Type.DOUBLE_ARRAY:
+            value = [
+                _number(element) for element in (value if isinstance(value, list) else [value])
+            ]
+        if value is not None and _Type.from_parameter_value(value):
+            return value
+    except (ConfigError, TypeError, ValueError, OverflowError):
+        pass
+    raise ArmClientError(
+        f'{text!r} is not a valid value of the parameter: write a value such as 0.5, true or '
+        '[1.0, 2.0]'
+    )
 
 
 def _number(value: Any) -> Any:
-    """Convert an integer, or a text such as '1e-3', to float; return other values unchanged."""
-    if isinstance(value, bool):
-        return value
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        return value
+    """Convert an integer, or a text such as '1e-3', to float; return a bool unchanged."""
+    return value if isinstance(value, bool) else float(value)

@@ -28,36 +28,24 @@ def wait_for(node: Node, states: int, clock: str) -> None:
         time.sleep(0.01)
 
 
-def test_a_clock_of_any_name_is_one(ros_node: Node) -> None:
-    bridge = publish_states('bridge')
-    bridge.create_publisher(Clock, 'time', CLOCK.qos)
-    wait_for(ros_node, 1, '/left/time')
-    assert is_emulated(ros_node, STATES)
-    assert not is_emulated(ros_node, '/joint_states')
-    bridge.destroy_node()
-
-
-def test_a_clock_of_another_node_does_not_count(ros_node: Node) -> None:
-    bridge, player = publish_states('bridge'), rclpy.create_node('player', namespace='/left')
-    player.create_publisher(Clock, CLOCK.name, CLOCK.qos)
-    wait_for(ros_node, 1, CLOCK.name)
-    assert not is_emulated(ros_node, STATES)
-    for node in (bridge, player):
-        node.destroy_node()
-
-
-def test_a_real_arm_does_not_count_as_emulated(ros_node: Node) -> None:
+def test_only_an_arm_with_a_clock_of_its_own_is_emulated(ros_node: Node) -> None:
     emulated, real = publish_states('emulated'), publish_states('real')
-    emulated.create_publisher(Clock, CLOCK.name, CLOCK.qos)
+    player = rclpy.create_node('player', namespace='/left')
+    player.create_publisher(Clock, CLOCK.name, CLOCK.qos)
     wait_for(ros_node, 2, CLOCK.name)
+    assert not is_emulated(ros_node, STATES)  # the clock is that of another node
+    emulated.create_publisher(Clock, 'time', CLOCK.qos)
+    wait_for(ros_node, 2, '/left/time')
     assert not is_emulated(ros_node, STATES)
     assert SilencePatience(ros_node, STATES).limit(0.2) == 0.2
     real.destroy_node()
-    wait_for(ros_node, 1, CLOCK.name)
+    wait_for(ros_node, 1, '/left/time')
     assert is_emulated(ros_node, STATES)
+    assert not is_emulated(ros_node, '/joint_states')
     patience = SilencePatience(ros_node, STATES)
     assert (patience.limit(0.2), patience.limit(60.0)) == (10.0, 60.0)
-    emulated.destroy_node()
+    for node in (emulated, player):
+        node.destroy_node()
 
 
 def test_a_vanished_node_does_not_count(ros_node: Node, monkeypatch) -> None:

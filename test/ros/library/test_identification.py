@@ -115,31 +115,3 @@ def test_shapes_are_checked_with_a_sentence(arguments: Sequence, words: str) -> 
 def test_faulty_arguments_are_named(bags: object, options: dict, words: str) -> None:
     with pytest.raises(IdentificationError, match=words):
         aerarm_ros.identify(bags, **options)
-
-
-def test_bags_have_distinct_names(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
-    stamp, q, dq, tau = (values[::4] for values in arrays)
-    known = aerarm_ros.ConditioningOptions(cutoff=3.0)
-    options = aerarm_ros.IdentificationOptions(known, friction='coulomb', tilt=False)
-    files = [tmp_path / folder / 'a.npz' for folder in ('one', 'two')]
-    for file in files:
-        file.parent.mkdir()
-        np.savez(file, time=stamp, q=q, dq=dq, tau=tau)
-    found = aerarm_ros.identify([*files, files[0]], validation=files[1], options=options)
-    names = [bag.samples.name for bag in found.result.identification]
-    assert names == [str(files[0]), str(files[1]), str(files[0])]
-    assert 'one/a.npz is given 2 times for identification' in found.warnings[0]
-    assert 'two/a.npz is used for identification and for validation' in found.warnings[1]
-
-
-def test_tables_are_read_too(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
-    stamp, q, dq, tau = arrays
-    np.savez(tmp_path / 'a.npz', time=stamp, q=q, dq=dq, tau=tau, joint_names=list('abcd'))
-    states = aerarm_ros.read_bag(tmp_path / 'a.npz')
-    assert states.names == ('a', 'b', 'c', 'd')
-    assert repr(states) == '<4000 states over 20 s of a, b, c, d>'
-    header = ','.join(f'{word}{joint}' for word in ('q', 'tau') for joint in range(1, 5))
-    np.savetxt(tmp_path / 'a.csv', np.hstack([q, tau]), header=header, delimiter=',', comments='')
-    numbered = aerarm_ros.read_bag(tmp_path / 'a.csv', rate=200.0)
-    assert numbered.names == ('joint1', 'joint2', 'joint3', 'joint4')
-    assert numbered.position == pytest.approx(q)

@@ -37,6 +37,8 @@ def test_the_plan_is_saved_and_displayed(plan: PlannedExcitation, tmp_path: Path
     for text in (plan.summary(), plan._repr_html_(), repr(plan)):
         assert figure in text
     assert 'ground clearance' in plan.summary()
+    with pytest.raises(ExcitationError, match='rate = 0'):
+        plan.sample(0.0)
 
 
 @pytest.mark.parametrize(
@@ -56,8 +58,3 @@ def test_the_plan_is_saved_and_displayed(plan: PlannedExcitation, tmp_path: Path
 def test_impossible_arguments_raise_errors(given: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         aerarm_ros.plan_excitation(**{'seconds': 0.0, **given})
-
-
-def test_a_rate_is_positive(plan: PlannedExcitation) -> None:
-    with pytest.raises(ExcitationError, match='rate = 0'):
-        plan.sample(0.0)

@@ -29,11 +29,3 @@ def test_its_stops_reach_unnamed_bridges_that_it_found_before(ros_node: Node) ->
         done, text = page.ask('hold')
     assert (done, 'offers the service hardware_bridge/hold' in text) == (False, True)
     assert bridges.asked == ['my_arm', 'my_arm']
-
-
-def test_without_a_bridge_in_its_namespace_its_emergency_stop_reaches_all(ros_node: Node) -> None:
-    bridges = AnsweringBridges()
-    bridges.add('/left/fake_hardware', ACTIONS)
-    page = PageRequests(ros_node, ['hardware_bridge', 'fake_hardware'])
-    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
-        assert page.ask('e_stop') == (True, '/left/fake_hardware: done')

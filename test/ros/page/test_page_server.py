@@ -37,6 +37,53 @@ if not MISSING:
     from aerarm_ros.ros.page.view_panel import ViewPanel
 
 
+# Messages of browsers, which a client may forge
+
+PRESS: dict[str, Any] = {'type': 'GuiUpdateMessage', 'uuid': 'a', 'updates': {'value': True}}
+CHANGES = (
+    {'visible': False},
+    {'value': True, 'visible': False},
+    {'disabled': True},
+    {'label': 'start'},
+    {'removed': True},
+    {'parent_container_id': 'x'},
+    {'update_cb': []},
+    {'value': 'x' * 1000},
+    {'value': None},
+    {'value': {'label': 'start'}},
+    None,
+)
+FORGED: tuple[Any, ...] = (
+    *(PRESS | {'updates': changes} for changes in CHANGES),
+    {'type': 'GuiRemoveMessage', 'uuid': 'a'},
+    {'type': 'ResetGuiMessage'},
+    {'type': 'RunJavascriptMessage', 'source': 'document.body.remove()'},
+    {'type': 'ShareUrlRequest'},
+    {'type': 'BackgroundImageMessage', 'format': 'png', 'rgb_data': None},
+    {'type': 'SceneNodeUpdateMessage', 'name': '/arm', 'updates': {'visible': False}},
+    {'type': ['GuiUpdateMessage']},
+    CAMERA | {'excluded_self_client': 1},
+    CAMERA | {'wxyz': [1.0] * 5},
+    CAMERA | {'position': [[1.0], 0.0, 0.0]},
+    CAMERA | {'image_height': 10**12 * 0.5},
+    {key: value for key, value in CAMERA.items() if key != 'fov'},
+    {},
+    7,
+    'nothing',
+    [PRESS, PRESS],
+)
+
+
+def test_only_messages_of_the_page_are_accepted() -> None:
+    values = (True, 0.35, -1, 'computed_torque')
+    for message in (CAMERA, *(PRESS | {'updates': {'value': value}} for value in values)):
+        assert is_allowed(msgspec.msgpack.encode(message)), message
+    for message in FORGED:
+        assert not is_allowed(msgspec.msgpack.encode(message)), message
+    for raw in (b'', b'\xc1', b'\x81', b'\x91' * 100_000 + b'\x90', 'text', None):
+        assert not is_allowed(raw)
+
+
 class ServedPage:
     """The real page; pressing its button only counts."""
 
@@ -105,16 +152,11 @@ def refused_status(page: ServedPage, **options: Any) -> int:
     return refused.value.response.status_code
 
 
-def test_the_page_is_served_in_no_frame(page: ServedPage) -> None:
+def test_the_page_is_served_in_no_frame_and_foreign_sites_get_nothing(page: ServedPage) -> None:
     status, content, headers = page.get()
-    assert status == 200
-    assert b'<html' in content.lower()
+    assert (status, b'<html' in content.lower()) == (200, True)
     assert headers['Content-Security-Policy'] == "frame-ancestors 'none'"
-    assert headers['X-Frame-Options'] == 'DENY'
-    assert headers['Referrer-Policy'] == 'no-referrer'
-
-
-def test_foreign_sites_and_rebound_names_get_nothing(page: ServedPage) -> None:
+    assert (headers['X-Frame-Options'], headers['Referrer-Policy']) == ('DENY', 'no-referrer')
     lines = [line.split() for line in Path('/proc/net/tcp').read_text().splitlines()[1:]]
     ends = [line[1].split(':') for line in lines if line[3] == '0A']
     assert [host for host, end in ends if int(end, 16) == page.port] == ['0100007F']
@@ -132,26 +174,9 @@ def test_foreign_sites_and_rebound_names_get_nothing(page: ServedPage) -> None:
 def test_no_client_can_change_the_page_of_others(page: ServedPage) -> None:
     with viewing(page) as viewer, viewing(page) as attacker:
         button = attacker.button(STOP)
-        for updates in (
-            {'visible': False},
-            {'disabled': True},
-            {'label': 'start'},
-            {'value': True, 'visible': False},
-            {'removed': True},
-            {'parent_container_id': 'x'},
-            {'update_cb': []},
-        ):
-            attacker.send({'type': 'GuiUpdateMessage', 'uuid': button, 'updates': updates})
-        for message in (
-            {'type': 'GuiRemoveMessage', 'uuid': button},
-            {'type': 'ResetGuiMessage'},
-            {'type': 'RunJavascriptMessage', 'source': 'document.body.remove()'},
-            {'type': 'ShareUrlRequest'},
-            {'type': 'BackgroundImageMessage', 'format': 'png', 'rgb_data': None},
-            'nothing',
-            {},
-        ):
-            attacker.send(message)
+        for message in FORGED:
+            named = 'uuid' in message if isinstance(message, dict) else False
+            attacker.send({**message, 'uuid': button} if named else message)
         before = page.presses
         # Messages of a client stay in order: once this one acts, the others have been judged.
         attacker.send({'type': 'GuiUpdateMessage', 'uuid': button, 'updates': {'value': True}})
@@ -206,67 +231,11 @@ def test_a_server_that_cannot_be_guarded_serves_nothing(monkeypatch: pytest.Monk
     assert websocket_server.serve is serve
 
 
-# Messages of browsers
-
-PRESS: dict[str, Any] = {'type': 'GuiUpdateMessage', 'uuid': 'a', 'updates': {'value': True}}
-
-
-def allowed(message: object) -> bool:
-    return is_allowed(msgspec.msgpack.encode(message))
-
-
-def test_messages_of_the_page_are_accepted() -> None:
-    assert allowed(CAMERA)
-    assert allowed(PRESS)
-    for value in (0.35, -1, 'computed_torque', False):
-        assert allowed(PRESS | {'updates': {'value': value}})
-
-
-@pytest.mark.parametrize(
-    'updates',
-    [
-        {'visible': False},
-        {'value': True, 'visible': False},
-        {'disabled': True},
-        {'removed': True},
-        {'value': 'x' * 1000},
-        {'value': None},
-        {'value': {'label': 'start'}},
-        None,
-    ],
-)
-def test_a_press_with_other_changes_is_rejected(updates: object) -> None:
-    assert not allowed(PRESS | {'updates': updates})
-
-
-@pytest.mark.parametrize(
-    'message',
-    [
-        {'type': 'GuiRemoveMessage', 'uuid': 'a'},
-        {'type': 'ResetGuiMessage'},
-        {'type': 'RunJavascriptMessage', 'source': 'alert(1)'},
-        {'type': 'SceneNodeUpdateMessage', 'name': '/arm', 'updates': {'visible': False}},
-        {'type': ['GuiUpdateMessage']},
-        CAMERA | {'excluded_self_client': 1},
-        CAMERA | {'wxyz': [1.0] * 5},
-        CAMERA | {'position': [[1.0], 0.0, 0.0]},
-        CAMERA | {'image_height': 10**12 * 0.5},
-        {key: value for key, value in CAMERA.items() if key != 'fov'},
-        {},
-        7,
-        [PRESS, PRESS],
-    ],
-)
-def test_other_messages_are_rejected(message: object) -> None:
-    assert not allowed(message)
-
-
-@pytest.mark.parametrize('raw', [b'', b'\xc1', b'\x81', b'\x91' * 100_000 + b'\x90', 'text', None])
-def test_invalid_messages_are_rejected(raw: object) -> None:
-    assert not is_allowed(raw)
-
-
 # Headers, path and token
+
+
+def local() -> PageGuard:
+    return PageGuard('127.0.0.1')
 
 
 def refusal(
@@ -275,54 +244,46 @@ def refusal(
     return guard.refusal(path, [host] if host else [], [origin] if origin else [], ws)
 
 
-@pytest.mark.parametrize('host', ['127.0.0.1:8080', 'localhost:9000', '[::1]:8080', 'LOCALHOST'])
+OWN = '127.0.0.1:8080'
+NOT_HERE, OTHER_SITE = 'not a name of this computer', 'other web site'
+
+
+@pytest.mark.parametrize('host', [OWN, 'localhost:9000', '[::1]:8080', 'LOCALHOST'])
 def test_requests_of_the_page_itself_are_accepted(host: str) -> None:
-    guard = PageGuard('127.0.0.1')
-    assert refusal(guard, host) == ''
-    assert refusal(guard, host, f'http://{host}', ws=True) == ''
+    assert refusal(local(), host) == ''
+    assert refusal(local(), host, f'http://{host}', ws=True) == ''
 
 
 @pytest.mark.parametrize(
-    'host',
+    ('host', 'origin', 'said'),
     [
-        'evil.example:8080',
-        '127.0.0.1.evil.example',
-        '127.0.0.1@evil.example',
-        'evil.example@127.0.0.1:8080',
-        '127.0.0.1:8080/evil',
-        '127.0.0.1:port',
-        '[::1',
-        ' ',
-        None,
-    ],
-)
-def test_a_name_that_is_not_this_computer_is_refused(host: str | None) -> None:
-    assert 'not a name of this computer' in refusal(PageGuard('127.0.0.1'), host)
-
-
-@pytest.mark.parametrize(
-    'origin',
-    [
-        'http://evil.example',
-        'http://127.0.0.1:9999',
-        'https://127.0.0.1:8080',
-        'http://127.0.0.1:8080.evil.example',
-        'null',
+        ('evil.example:8080', None, NOT_HERE),
+        ('127.0.0.1.evil.example', None, NOT_HERE),
+        ('127.0.0.1@evil.example', None, NOT_HERE),
+        ('evil.example@127.0.0.1:8080', None, NOT_HERE),
+        ('127.0.0.1:8080/evil', None, NOT_HERE),
+        ('127.0.0.1:port', None, NOT_HERE),
+        ('[::1', None, NOT_HERE),
+        (' ', None, NOT_HERE),
+        (None, None, NOT_HERE),
+        (OWN, 'http://evil.example', OTHER_SITE),
+        (OWN, 'http://127.0.0.1:9999', OTHER_SITE),
+        (OWN, 'https://127.0.0.1:8080', OTHER_SITE),
+        (OWN, 'http://127.0.0.1:8080.evil.example', OTHER_SITE),
+        (OWN, 'null', OTHER_SITE),
     ],
 )
 @pytest.mark.parametrize('ws', [False, True])
-def test_another_site_is_refused(origin: str, ws: bool) -> None:
-    assert 'other web site' in refusal(PageGuard('127.0.0.1'), '127.0.0.1:8080', origin, ws=ws)
+def test_other_names_and_sites_are_rejected(
+    host: str | None, origin: str | None, said: str, ws: bool
+) -> None:
+    assert said in refusal(local(), host, origin, ws=ws)
 
 
-def test_a_websocket_needs_an_origin() -> None:
-    assert 'an empty value' in refusal(PageGuard('127.0.0.1'), '127.0.0.1:8080', ws=True)
-
-
-def test_a_header_that_comes_twice_is_refused() -> None:
-    guard, host = PageGuard('127.0.0.1'), '127.0.0.1:8080'
-    assert guard.refusal('/', [host, 'evil.example'], [], False)
-    assert guard.refusal('/', [host], [f'http://{host}', 'http://evil.example'], True)
+def test_a_websocket_needs_an_origin_and_no_header_may_come_twice() -> None:
+    assert 'an empty value' in refusal(local(), OWN, ws=True)
+    assert local().refusal('/', [OWN, 'evil.example'], [], False)
+    assert local().refusal('/', [OWN], [f'http://{OWN}', 'http://evil.example'], True)
 
 
 def test_on_a_network_the_token_is_required() -> None:

@@ -8,7 +8,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.page.view_plots import ViewFeed, ViewHistory
+from aerarm_ros.ros.page.view_plots import ROWS, ViewFeed
 
 NAMES = ['joint1', 'joint2']
 
@@ -35,14 +35,10 @@ def test_an_unhomed_arm_is_distinguished_from_a_silent_one(ros_node: Node) -> No
     assert feed.posture is None
     described([0.1, 0.2], 'Hz')
     assert feed.posture == pytest.approx([0.1, 0.2])
+    now = time.monotonic()
+    times, values = feed.window(now)
+    assert values.shape == (len(times), len(ROWS), 2)
+    assert np.all(np.diff(times) > 0.0)
+    np.testing.assert_allclose(values[:, 0], [[0.1, 0.2]] * len(times))
+    assert len(feed.window(now + 2.0)[0]) == 0  # older than a second
     feed.destroy()
-
-
-def test_keeps_the_last_seconds_in_order() -> None:
-    history = ViewHistory((3, 2), duration=1.0, rate=10.0)
-    for k in range(35):
-        history.add(0.1 * k, np.full((3, 2), float(k)))
-    time, values = history.window(3.4)
-    assert values.shape == (10, 3, 2)
-    np.testing.assert_allclose(time, np.linspace(-0.9, 0.0, 10), atol=1e-9)
-    np.testing.assert_allclose(values[:, 2, 1], np.arange(25, 35))

@@ -8,8 +8,6 @@ import pytest
 from aerarm_ros.ros.parameters import shared_parameters
 from aerarm_ros.ros.parameters.shared_parameters import prepare_thread
 
-NOTHING = {'realtime_priority': 0, 'lock_memory': False, 'keep_cpus_awake': False}
-
 
 class Logger:
     def __init__(self) -> None:
@@ -17,6 +15,14 @@ class Logger:
 
     def warning(self, text: str) -> None:
         self.warnings.append(text)
+
+
+def warnings(**given: object) -> list[str]:
+    """Return what a thread logs that requests these settings."""
+    nothing = {'realtime_priority': 0, 'lock_memory': False, 'keep_cpus_awake': False}
+    logger = Logger()
+    prepare_thread(SimpleNamespace(**{**nothing, **given}), logger)
+    return logger.warnings
 
 
 @pytest.fixture(autouse=True)
@@ -27,28 +33,15 @@ def collector_as_before():
 
 
 def test_the_garbage_collector_stops_unless_it_is_wanted() -> None:
-    values = SimpleNamespace(**NOTHING)
-    logger = Logger()
-    prepare_thread(SimpleNamespace(**vars(values), freeze_gc=False, cpus=[]), logger)
+    assert warnings(freeze_gc=False, cpus=[]) == []
     assert gc.isenabled()
-    prepare_thread(values, logger)
+    assert warnings() == []
     assert not gc.isenabled()
-    assert logger.warnings == []
 
 
-def test_a_refusal_is_a_warning(monkeypatch) -> None:
-    refusal = 'no right to SCHED_FIFO: raise rtprio in /etc/security/limits.d'
-    monkeypatch.setattr(shared_parameters, 'set_fifo', lambda priority: refusal)
-    logger = Logger()
-    prepare_thread(SimpleNamespace(**{**NOTHING, 'realtime_priority': 70}), logger)
-    assert logger.warnings == [refusal]
-
-
-def test_keep_cpus_awake_is_requested(monkeypatch) -> None:
-    refusal = 'CPUs may sleep between cycles'
-    monkeypatch.setattr(shared_parameters, 'keep_cpus_awake', lambda: refusal)
-    logger = Logger()
-    prepare_thread(SimpleNamespace(**NOTHING), logger)
-    assert logger.warnings == []
-    prepare_thread(SimpleNamespace(**{**NOTHING, 'keep_cpus_awake': True}), logger)
-    assert logger.warnings == [refusal]
+def test_a_rejected_request_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shared_parameters, 'set_fifo', lambda priority: 'no right')
+    monkeypatch.setattr(shared_parameters, 'keep_cpus_awake', lambda: 'CPUs may sleep')
+    assert warnings() == []
+    assert warnings(realtime_priority=70) == ['no right']
+    assert warnings(keep_cpus_awake=True) == ['CPUs may sleep']

@@ -2,7 +2,8 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -68,12 +69,39 @@ def until(condition: Callable[[], object]) -> None:
         time.sleep(0.001)
 
 
-def end(playing: threading.Thread, arm: LockstepArm) -> None:
-    """Publish states until no node answers."""
-    while playing.is_alive():
-        arm.tell()
-        until(lambda: arm.is_answered() or not playing.is_alive())
-    playing.join()
+@contextmanager
+def played(
+    arm: LockstepArm,
+    playback: MotionPlayback,
+    player: ExcitationPlayer,
+    listener: Callable[..., object] = lambda *_: None,
+) -> Iterator[tuple[threading.Thread, list[str]]]:
+    """Play a motion in a thread, and end it; yields the thread and the texts of its errors."""
+    problems: list[str] = []
+
+    def play() -> None:
+        try:
+            playback.play(player, LIMIT, listener)
+        except ExcitationError as error:
+            problems.append(str(error))
+
+    thread = threading.Thread(target=play, daemon=True)
+    with BackgroundExecutor(playback._node):
+        until(lambda: playback._conditions.mode in COMMANDABLE)
+        thread.start()
+        yield thread, problems
+        playback.ask_stop()
+        while thread.is_alive():
+            arm.tell()
+            until(lambda: arm.is_answered() or not thread.is_alive())
+        thread.join()
+    playback.destroy()
+
+
+def heard_by(node: Node) -> tuple[LockstepArm, MotionPlayback]:
+    arm, playback = LockstepArm(), MotionPlayback(node, NAMES)
+    until(arm.is_heard)
+    return arm, playback
 
 
 @pytest.fixture
@@ -88,47 +116,30 @@ def player() -> ExcitationPlayer:
 def test_states_before_the_motion_do_not_count_as_unanswered(
     ros_node: Node, player: ExcitationPlayer
 ) -> None:
-    arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
-    until(arm.is_heard)
+    arm, playback = heard_by(ros_node)
     arm.tell()
     until(lambda: playback.states.wait(0.05) and playback.states.newest_state())
     for _ in range(10):  # while the motion is planned
         arm.tell()
-    with BackgroundExecutor(ros_node):
-        until(lambda: playback._conditions.mode in COMMANDABLE)
-        playing = threading.Thread(
-            target=playback.play, args=(player, LIMIT, lambda *_: None), daemon=True
-        )
-        playing.start()
+    with played(arm, playback, player):
         until(lambda: arm.tell(0) or arm.is_answered())  # as one whose world stands
         assert playback.states.lost == 0
         for _ in range(ANSWERED):
             arm.tell()
             until(arm.is_answered)
         assert playback.states.lost == 0
-        playback.ask_stop()
-        end(playing, arm)
     assert player.state is PlayState.STOPPED
-    playback.destroy()
 
 
 @pytest.mark.parametrize('held_up', ['state', 'answer'])
 def test_a_motion_does_not_begin_while_states_or_answers_are_delayed(
     ros_node: Node, player: ExcitationPlayer, held_up: str
 ) -> None:
-    arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
-    until(arm.is_heard)
+    arm, playback = heard_by(ros_node)
     answered: list[int] = []
-    with BackgroundExecutor(ros_node):
-        until(lambda: playback._conditions.mode in COMMANDABLE)
-        arm.tell()
-        until(lambda: playback.states.wait(0.05))
-        playing = threading.Thread(
-            target=playback.play,
-            args=(player, LIMIT, lambda stamp_ns, *_: answered.append(stamp_ns)),
-            daemon=True,
-        )
-        playing.start()
+    arm.tell()
+    until(lambda: playback.states.wait(0.05))
+    with played(arm, playback, player, lambda stamp_ns, *_: answered.append(stamp_ns)):
         until(lambda: playback._seen_ns is not None)  # that one is taken, and nothing follows
         if held_up == 'answer':
             arm.tell()
@@ -136,56 +147,36 @@ def test_a_motion_does_not_begin_while_states_or_answers_are_delayed(
         arm.tell(STEPS_MISSED)
         begun = arm.number + 1
         until(lambda: arm.tell() or arm.is_answered())
-        playback.ask_stop()
-        end(playing, arm)
     assert player.state is PlayState.STOPPED
     assert answered[0] >= 10_000_000_000 + 1_000_000 * begun
-    playback.destroy()
 
 
 def test_repeatedly_jumping_stamps_are_reported(ros_node: Node, player: ExcitationPlayer) -> None:
-    arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
-    until(arm.is_heard)
-    problems: list[str] = []
-
-    def play() -> None:
-        try:
-            playback.play(player, LIMIT, lambda *_: None)
-        except ExcitationError as error:
-            problems.append(str(error))
-
-    with BackgroundExecutor(ros_node):
-        until(lambda: playback._conditions.mode in COMMANDABLE)
-        playing = threading.Thread(target=play, daemon=True)
-        playing.start()
-        until(lambda: arm.tell(STEPS_MISSED) or not playing.is_alive())
-        playing.join()
+    arm, playback = heard_by(ros_node)
+    with played(arm, playback, player) as (thread, problems):
+        until(lambda: arm.tell(STEPS_MISSED) or not thread.is_alive())
     assert 'joint state stamps jump by' in problems[0]
-    playback.destroy()
 
 
-SECOND = 10**9
-
-
-def account(*modes: tuple[float, str], begin: float = 0.0, end: float = 10.0) -> DampingAccount:
+@pytest.mark.parametrize(
+    ('modes', 'motion', 'damped'),
+    [
+        (((0, 'running'), (2, 'damping'), (2.5, 'running'), (4, 'damping'), (5, 'running')),
+            (0.0, 10.0), (2, 1.5)),
+        (((0, 'damping'), (1, 'running'), (9, 'damping')), (1.0, 9.0), (0, 0.0)),
+        (((0, 'damping'), (2, 'running'), (8, 'damping')), (1.0, 9.0), (2, 2.0)),
+    ],
+    ids=['within', 'outside', 'across the ends'],
+)  # fmt: skip
+def test_damping_is_counted_during_the_motion(
+    modes: tuple[tuple[float, str], ...], motion: tuple[float, float], damped: tuple[int, float]
+) -> None:
     account = DampingAccount()
     for when, mode in modes:
-        account.note(mode, round(when * SECOND))
-    account.begin_ns, account.end_ns = round(begin * SECOND), round(end * SECOND)
-    return account
-
-
-def test_each_time_is_counted_with_its_length() -> None:
-    shaken = account(
-        (0, 'running'), (2, 'damping'), (2.5, 'running'), (4, 'damping'), (5, 'running')
-    )
-    assert shaken.damped == (2, pytest.approx(1.5))
-    assert shaken.share == pytest.approx(0.15)
-    assert shaken.text == 'the bridge damped the arm 2 times, for 1.50 s (15.0% of the motion)'
-
-
-def test_only_the_motion_counts() -> None:
-    outside = account((0, 'damping'), (1, 'running'), (9, 'damping'), begin=1.0, end=9.0)
-    assert outside.damped == (0, 0.0)
-    across = account((0, 'damping'), (2, 'running'), (8, 'damping'), begin=1.0, end=9.0)
-    assert across.damped == (2, pytest.approx(2.0))
+        account.note(mode, round(when * 1e9))
+    account.begin_ns, account.end_ns = (round(end * 1e9) for end in motion)
+    times, seconds = damped
+    assert account.damped == (times, pytest.approx(seconds))
+    assert account.share == pytest.approx(seconds / (motion[1] - motion[0]))
+    said = f'the bridge damped the arm {times} times, for {seconds:.2f} s ({account.share:.1%} of'
+    assert account.text.startswith(said) if times else account.text == ''

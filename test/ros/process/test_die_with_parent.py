@@ -56,17 +56,6 @@ def start(how: str, what: str) -> tuple[subprocess.Popen, int]:
     return launch, int(launch.stdout.readline())
 
 
-def test_a_bridge_ends_with_launch(tmp_path: Path, ros_domain: dict[str, str]) -> None:
-    truth = tmp_path / 'truth.yaml'  # is written when the bridge is at work
-    launch, bridge = start('itself', BRIDGE.format(truth))
-    until(truth.exists)
-    launch.kill()
-    launch.wait(60.0)
-    until(lambda: is_gone(bridge))
-    assert launch.stdout
-    assert 'fake_hardware: ' in launch.stdout.read()  # its account: an orderly end
-
-
 def test_a_command_does_not_start_after_its_launch_has_ended() -> None:
     launch, late = start('itself', LATE)
     launch.kill()

@@ -33,29 +33,28 @@ def raising(error: BaseException):
     return action
 
 
+INTERRUPTED = 'script: interrupted before the task was complete\n'
+
+
 @pytest.mark.parametrize(
-    'action',
+    ('action', 'has_task', 'status', 'said'),
     [
-        lambda: None,
-        raising(KeyboardInterrupt()),
-        raising(ExternalShutdownException()),
-        rclpy.shutdown,
+        (lambda: None, False, 0, ''),
+        (raising(KeyboardInterrupt()), False, 0, ''),
+        (raising(KeyboardInterrupt()), True, 130, INTERRUPTED),
+        (raising(ExternalShutdownException()), False, 0, ''),
+        (rclpy.shutdown, False, 0, ''),
+        (raising(OSError('gain is bad')), False, 1, 'script: gain is bad\n'),
     ],
-    ids=['returns', 'SIGINT', 'shutdown', 'context'],
+    ids=['returns', 'SIGINT', 'SIGINT of a task', 'shutdown', 'context', 'OSError'],
 )
-def test_ordinary_ends(ros_domain, action) -> None:
+def test_ends_of_a_node(ros_domain, capsys, action, has_task, status, said) -> None:
     node = Script(action)
-    assert run_node('script', lambda: node, []) == 0
+    node.status = int(has_task)
+    assert run_node('script', lambda: node, []) == status
+    assert capsys.readouterr().err == said
     assert node.closed == 1
     assert not rclpy.ok()
-
-
-def test_an_interrupted_task_returns_130(ros_domain, capsys) -> None:
-    node = Script(raising(KeyboardInterrupt()))
-    node.status = 1
-    assert run_node('script', lambda: node, []) == 130
-    assert capsys.readouterr().err == 'script: interrupted before the task was complete\n'
-    assert node.closed == 1
 
 
 @pytest.mark.parametrize('error', [ValueError('gain\n is bad'), OSError('gain is bad')])
@@ -71,11 +70,6 @@ def test_a_defect_keeps_its_traceback_and_the_node_is_closed(ros_domain) -> None
         run_node('script', lambda: node, [])
     assert node.closed == 1
     assert not rclpy.ok()
-
-
-def test_bad_ros_arguments_are_one_line(ros_domain, capsys) -> None:
-    assert run_node('script', lambda: Script(lambda: None), ['--ros-args', '--bad']) == 2
-    assert capsys.readouterr().err.startswith('script: ')
 
 
 PARAMETERS = ParameterTable(Parameter('periods', 2, 'how often'))
@@ -96,12 +90,18 @@ def test_help_may_be_cut_off(ros_domain) -> None:
         assert node.wait(60.0) == 0
 
 
-def test_a_wrong_command_line_is_one_line_and_starts_nothing(capsys) -> None:
-    for line in ('--periods', '--ros-args -p perods:=3', '--ros-args --params-file /nowhere'):
-        assert run_node('script', pytest.fail, line.split(), PARAMETERS) == 2
-        error = capsys.readouterr().err
-        assert error.startswith('script: ')
-        assert error.count('\n') == 1
+@pytest.mark.parametrize(
+    'line', ['--periods', '--ros-args -p perods:=3', '--ros-args --params-file /nowhere']
+)
+def test_a_wrong_command_line_is_one_line_and_starts_nothing(capsys, line: str) -> None:
+    assert run_node('script', pytest.fail, line.split(), PARAMETERS) == 2
+    error = capsys.readouterr().err
+    assert (error[:8], error.count('\n')) == ('script: ', 1)
+
+
+def test_bad_ros_arguments_are_one_line(ros_domain, capsys) -> None:
+    assert run_node('script', lambda: Script(lambda: None), ['--ros-args', '--bad']) == 2
+    assert capsys.readouterr().err.startswith('script: ')
 
 
 def test_a_file_for_several_nodes_is_used_as_rclpy_understands_it(

@@ -11,7 +11,6 @@ import pytest
 
 from aerarm_ros.ros.process import node_process
 from aerarm_ros.ros.process.node_process import NodeProcess
-from aerarm_ros.ros.process.process_end import LAUNCH_PID
 
 PARENT = """
 import sys, time
@@ -60,17 +59,6 @@ def test_a_killed_parent_leaves_no_child(
     assert 'Traceback' not in log.read_text()
     # It had time to switch the motors off.
     assert not is_up or 'cycles' in log.read_text()
-
-
-def test_no_process_starts_for_an_ended_parent() -> None:
-    gone = subprocess.Popen([sys.executable, '-c', ''])
-    gone.wait()
-    run = subprocess.run(
-        [sys.executable, '-m', 'aerarm_ros.executables', 'recorder', '--help'],
-        env={**os.environ, LAUNCH_PID: str(gone.pid)},
-        stdout=subprocess.PIPE,
-    )
-    assert (run.returncode, run.stdout) == (128 + signal.SIGTERM, b'')
 
 
 def test_ctrl_c_of_a_terminal_does_not_reach_it(ros_domain: dict[str, str], tmp_path: Path) -> None:

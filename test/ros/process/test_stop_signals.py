@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
@@ -50,12 +51,6 @@ class Stopped:
         )  # fmt: skip
         assert self._line() == 'ready'
 
-    def send(self, number: signal.Signals) -> None:
-        self.process.send_signal(number)
-
-    def calls(self) -> int:
-        return int(self.says())
-
     def says(self) -> str:
         print(file=self.process.stdin, flush=True)
         return self._line()
@@ -65,113 +60,79 @@ class Stopped:
         return self.process.stdout.readline().strip()
 
 
-@pytest.fixture
-def stopped() -> Iterator[Stopped]:
-    stopped = Stopped()
-    yield stopped
-    end(stopped)
-
-
-def end(stopped: Stopped) -> None:
-    stopped.process.kill()
-    stopped.process.communicate()
-
-
-@pytest.mark.parametrize(
-    'number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGABRT]
-)
-def test_each_stop_signal_calls_the_function_once(stopped: Stopped, number: signal.Signals) -> None:
-    stopped.send(number)
-    assert stopped.calls() == 1
-
-
-def test_the_second_ends_the_process(stopped: Stopped) -> None:
-    begin = time.monotonic()
-    stopped.send(signal.SIGINT)
-    assert stopped.calls() == 1
-    while stopped.process.poll() is None and time.monotonic() < begin + 10.0:
-        stopped.send(signal.SIGTERM)
-        time.sleep(0.1)
-    assert stopped.process.returncode == -signal.SIGTERM
-    assert time.monotonic() > begin + 1.0
+@contextmanager
+def running(*prefix: str, script: str = SCRIPT) -> Iterator[Stopped]:
+    stopped = Stopped(*prefix, script=script)
+    try:
+        yield stopped
+    finally:
+        stopped.process.kill()
+        stopped.process.communicate()
 
 
 ENDING = """
     SIGALRM SIGVTALRM SIGPROF SIGUSR1 SIGUSR2 SIGXCPU SIGIO SIGPWR SIGSTKFLT SIGSYS SIGTRAP
 """
+OTHERS = [*ENDING.split(), signal.SIGRTMIN, signal.SIGRTMIN + 5, signal.SIGRTMAX]
+HANDLED = 'import signal\nsignal.signal(signal.SIGUSR1, lambda *_: None)\n'
+AWAKE = SCRIPT.replace('calls.append(1))', 'calls.append(1), stays_awake=True)')
 
 
-def test_other_ending_signals_call_the_function_once(stopped: Stopped) -> None:
-    numbers = [signal.Signals[name] for name in ENDING.split()]
-    for number in (*numbers, signal.SIGRTMIN, signal.SIGRTMIN + 5, signal.SIGRTMAX):
-        stopped.send(number)
-        assert stopped.calls() == 1, number
+@pytest.mark.parametrize(
+    ('script', 'prefix', 'signals'),
+    [
+        *((SCRIPT, (), [(name, 1)]) for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT')),
+        (SCRIPT, (), [('SIGABRT', 1), *((other, 1) for other in OTHERS)]),
+        (HANDLED + SCRIPT, (), [('SIGUSR1', 0)]),
+        (AWAKE, (), [('SIGTSTP', 0), ('SIGTTIN', 0), ('SIGTTOU', 0), ('SIGTERM', 1)]),
+        # As from a terminal and from a supervisor at the same time.
+        (AS_ONE + SCRIPT, (), [('SIGINT', 1)] * 3),
+        # The end of a session sends its first SIGTERM between them.
+        (AS_ONE + SCRIPT, (), [('SIGHUP', 1), ('SIGHUP', 1), ('SIGTERM', 1), ('SIGHUP', 1)]),
+        (SCRIPT, ('nohup',), [('SIGHUP', 0), ('SIGTERM', 1)]),
+    ],
+    ids=[
+        *('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'other signals', 'another handler'),
+        *('stays awake', 'doubled Ctrl-C', 'repeated SIGHUP', 'nohup'),
+    ],
+)
+def test_signals_call_the_function_at_most_once(
+    script: str, prefix: tuple[str, ...], signals: list[tuple[str | int, int]]
+) -> None:
+    with running(*prefix, script=script) as stopped:
+        for name, calls in signals:
+            number = signal.Signals[name] if isinstance(name, str) else name
+            stopped.process.send_signal(number)
+            assert int(stopped.says()) == calls, name
 
 
-def test_a_signal_with_another_handler_is_unchanged() -> None:
-    use = 'import signal\nsignal.signal(signal.SIGUSR1, lambda *_: None)\n'
-    stopped = Stopped(script=use + SCRIPT)
-    stopped.send(signal.SIGUSR1)
-    assert stopped.calls() == 0
-    end(stopped)
+def test_the_second_ends_the_process() -> None:
+    with running() as stopped:
+        begin = time.monotonic()
+        stopped.process.send_signal(signal.SIGINT)
+        assert stopped.says() == '1'
+        while stopped.process.poll() is None and time.monotonic() < begin + 10.0:
+            stopped.process.send_signal(signal.SIGTERM)
+            time.sleep(0.1)
+        assert stopped.process.returncode == -signal.SIGTERM
+        assert time.monotonic() > begin + 1.0
 
 
-def test_one_that_stays_awake_is_not_stopped_by_ctrl_z() -> None:
-    script = SCRIPT.replace('calls.append(1))', 'calls.append(1), stays_awake=True)')
-    stopped = Stopped(script=script)
-    for number in (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU):
-        stopped.send(number)
-        assert stopped.calls() == 0
-    stopped.send(signal.SIGTERM)
-    assert stopped.calls() == 1
-    end(stopped)
-
-
-def test_a_crash_still_ends_the_process() -> None:
+@pytest.mark.parametrize(
+    ('crash', 'number'), [('ctypes.string_at(0)', signal.SIGSEGV), ('os.abort()', signal.SIGABRT)]
+)
+def test_a_crash_still_ends_the_process(crash: str, number: signal.Signals) -> None:
     # A handler would be called after the instruction that crashed, which is never over.
-    for crash, number in (('ctypes.string_at(0)', signal.SIGSEGV), ('os.abort()', signal.SIGABRT)):
-        script = SCRIPT.replace('for line', f'import ctypes, os; {crash}\n    for line')
-        stopped = Stopped(script=script)
+    script = SCRIPT.replace('for line', f'import ctypes, os; {crash}\n    for line')
+    with running(script=script) as stopped:
         assert stopped.process.wait(60.0) == -number
-        end(stopped)
-
-
-def test_a_doubled_ctrl_c_calls_the_function_once() -> None:
-    stopped = Stopped(script=AS_ONE + SCRIPT)
-    # As from a terminal and from a supervisor at the same time.
-    for _ in range(3):
-        stopped.send(signal.SIGINT)
-    assert stopped.calls() == 1
-    end(stopped)
-
-
-def test_repeated_sighup_calls_the_function_once() -> None:
-    stopped = Stopped(script=AS_ONE + SCRIPT)
-    for _ in range(3):
-        stopped.send(signal.SIGHUP)
-        assert stopped.calls() == 1
-    # As when the session is ended: that is the first SIGTERM.
-    stopped.send(signal.SIGTERM)
-    assert stopped.calls() == 1
-    stopped.send(signal.SIGHUP)
-    assert stopped.calls() == 1
-    end(stopped)
-
-
-def test_nohup_is_respected() -> None:
-    stopped = Stopped('nohup')
-    stopped.send(signal.SIGHUP)
-    assert stopped.calls() == 0
-    stopped.send(signal.SIGTERM)
-    assert stopped.calls() == 1
-    end(stopped)
 
 
 def test_a_signal_in_the_inner_context_reaches_the_outer_one() -> None:
-    stopped = Stopped(script=INNER)
-    for said in ('inner', 'inner later', 'inner later'):
-        stopped.send(signal.SIGINT)
-        assert stopped.says() == said
-    stopped.send(signal.SIGINT)
-    stopped.process.communicate('')
-    assert stopped.process.returncode == 0
+    with running(script=INNER) as stopped:
+        for said in ('inner', 'inner later', 'inner later'):
+            stopped.process.send_signal(signal.SIGINT)
+            assert stopped.says() == said
+        stopped.process.send_signal(signal.SIGINT)
+        stopped.process.communicate('')
+        assert stopped.process.returncode == 0

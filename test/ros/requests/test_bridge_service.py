@@ -21,13 +21,11 @@ from aerarm_ros.ros.requests.bridge_service import (
     ServiceCall,
     StopRequest,
     StopService,
-    bridges_among,
     discovery_time,
 )
 
 __all__ = ['quick_search']
 pytestmark = pytest.mark.usefixtures('quick_search')
-NOT_SENT = 'the request to the bridge could not be sent: '
 
 
 def poll_until(condition: Callable[[], object]) -> None:
@@ -40,23 +38,18 @@ def poll_until(condition: Callable[[], object]) -> None:
 # The search for bridges
 
 
-def test_a_node_with_all_bridge_services_is_a_bridge() -> None:
-    services = [f'/right/arm_of_mine/{action}' for action in (*ACTIONS, 'put_back')]
-    services += [f'/hardware_bridge/{action}' for action in ACTIONS]
-    services += ['/other_machine/e_stop', '/other_machine/enable']
-    assert bridges_among(services) == ['/hardware_bridge', '/right/arm_of_mine']
-
-
-def test_clients_and_servers_of_another_type_are_no_bridges(ros_node: Node) -> None:
+def test_only_a_node_with_all_bridge_services_is_a_bridge(ros_node: Node) -> None:
     others = AnsweringBridges()
     for action in ACTIONS:
         others.node.create_client(Trigger, f'asked_for/{action}')
         others.node.create_service(SetBool, f'switch/{action}', lambda _, answer: answer)
     others.add('bridge', ACTIONS)
+    others.add('machine', ['e_stop', 'enable'])
     finder = BridgeFinder(ros_node, 'e_stop', ['asked_for'])
     for name in ('bridge', 'switch'):
         for action in ACTIONS:
             until_offered(ros_node, f'{name}/{action}')
+    until_offered(ros_node, 'machine/enable')
     assert list(finder.find()) == ['/bridge']
 
 
@@ -166,59 +159,11 @@ def test_it_ends_although_services_come_and_go_all_the_time(
     assert request.answers == {'/sound': (True, 'done')}
 
 
-def test_two_bridges_with_one_name_are_not_reported_as_stopped(ros_node: Node) -> None:
-    bridges, twins = AnsweringBridges(), AnsweringBridges()
-    for one in (bridges, twins):
-        one.add('first', ACTIONS)
-    until_offered(ros_node, 'first/e_stop', 2)
-    executors = [BackgroundExecutor(node) for node in (ros_node, bridges.node, twins.node)]
-    with executors[0], executors[1], executors[2]:
-        stopped, text = StopService(ros_node, 'e_stop', [], LIMIT).call()
-    assert not stopped
-    assert text.startswith('/first: found 2 nodes named /first: stop all but one')
-    assert 'first' in bridges.asked
-    assert 'first' in twins.asked
-
-
 # Calls of one service
 
 
-def test_a_request_that_cannot_be_sent_is_refused(ros_node: Node) -> None:
-    client = ros_node.create_client(Trigger, 'bridge/e_stop')
-    ros_node.destroy_client(client)
-    call = ServiceCall(client, LIMIT)
-    answer = call.poll()
-    assert answer is not None
-    assert not answer.accepted
-    assert answer.message.startswith(NOT_SENT)
-    assert not call.is_answered
-
-
-def test_repeated_requests_are_sent_until_they_succeed(
-    ros_node: Node, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(bridge_service, 'ASK_AGAIN', 0.0)
-    bridges = AnsweringBridges()
-    bridges.add('bridge', ['e_stop'])
-    client = ros_node.create_client(Trigger, 'bridge/e_stop')
-    assert client.wait_for_service(LIMIT)
-    with monkeypatch.context() as broken:
-        broken.setattr(client, 'call_async', cannot_send)
-        call = ServiceCall(client, LIMIT, repeats=True)
-    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
-        assert answer_of(call) == (True, 'done')
-
-
-def test_an_unanswered_request_returns_no_response(
-    ros_node: Node, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    client = ros_node.create_client(Trigger, 'bridge/e_stop')
-    send, tries = client.call_async, [cannot_send]
-    monkeypatch.setattr(bridge_service, 'ASK_AGAIN', 0.0)
-    monkeypatch.setattr(client, 'call_async', lambda asked: (tries.pop() if tries else send)(asked))
-    answer = answer_of(ServiceCall(client, 1.0, repeats=True))
-    assert tries == []
-    assert answer == (False, 'the bridge did not respond within 1 s: check arm_mode')
+def cannot_send(_: Trigger.Request) -> None:
+    raise InvalidHandle('no client')
 
 
 def answer_of(call: ServiceCall) -> Answer:
@@ -229,41 +174,48 @@ def answer_of(call: ServiceCall) -> Answer:
     return answer
 
 
-def cannot_send(_: Trigger.Request) -> None:
-    raise InvalidHandle('no client')
+def test_only_repeated_requests_are_sent_until_they_succeed(
+    ros_node: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = ros_node.create_client(Trigger, 'bridge/e_stop')
+    send, tries = client.call_async, [cannot_send]
+    monkeypatch.setattr(client, 'call_async', lambda asked: (tries.pop() if tries else send)(asked))
+    done, text = answer_of(ServiceCall(client, LIMIT))
+    assert (done, text) == (False, 'the request to the bridge could not be sent: no client')
+    monkeypatch.setattr(bridge_service, 'ASK_AGAIN', 0.0)
+    tries.append(cannot_send)
+    answer = answer_of(ServiceCall(client, 1.0, repeats=True))
+    assert tries == []
+    assert answer == (False, 'the bridge did not respond within 1 s: check arm_mode')
+    bridges = AnsweringBridges()
+    bridges.add('bridge', ['e_stop'])
+    assert client.wait_for_service(LIMIT)
+    tries.append(cannot_send)
+    call = ServiceCall(client, LIMIT, repeats=True)
+    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
+        assert answer_of(call) == (True, 'done')
 
 
 # Requests to the only bridge
 
 
-def test_without_a_bridge_the_error_names_the_searched_services(ros_node: Node) -> None:
-    hold = BridgeService(ros_node, 'hold', ['first', 'second'], 0.1)
-    held, text = hold.call()
+def test_requests_other_than_stops_go_to_one_bridge_only(ros_node: Node) -> None:
+    hold = BridgeService(ros_node, 'hold', ['first', 'second'], LIMIT)
+    held, text = hold.call(0.1)
     assert not held
     assert text.startswith(
-        'no bridge offers the service first/hold or second/hold: check that the bridge runs'
+        'no bridge offers the service first/hold or second/hold: check that a bridge runs'
     )
-
-
-def test_requests_other_than_stops_go_to_one_bridge_only(ros_node: Node) -> None:
-    hold, bridges = BridgeService(ros_node, 'hold', ['first', 'second'], LIMIT), AnsweringBridges()
+    bridges, twins = AnsweringBridges(), AnsweringBridges()
     bridges.add('first', ['hold'])
     with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
-        assert hold.call() == (True, 'first: done')
+        assert hold.call() == (True, 'done')
         bridges.add('second', ['hold'])
         assert hold._clients['second'].wait_for_service(LIMIT)
         done, text = hold.call()
-    assert (done, 'found the bridges first and second' in text) == (False, True)
-    assert bridges.asked == ['first']
-
-
-def test_two_bridges_with_one_name_receive_no_request(ros_node: Node) -> None:
-    hold = BridgeService(ros_node, 'hold', ['first'], LIMIT)
-    bridges, twins = AnsweringBridges(), AnsweringBridges()
-    for one in (bridges, twins):
-        one.add('first', ['hold'])
-    until_offered(ros_node, 'first/hold', 2)
-    with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
-        done, text = hold.call()
+        assert (done, 'found the bridges first and second' in text) == (False, True)
+        twins.add('first', ['hold'])
+        until_offered(ros_node, 'first/hold', 2)
+        done, text = BridgeService(ros_node, 'hold', ['first'], LIMIT).call()
     assert (done, 'found 2 nodes named /first: stop all but one' in text) == (False, True)
-    assert bridges.asked == twins.asked == []
+    assert (bridges.asked, twins.asked) == (['first'], [])
