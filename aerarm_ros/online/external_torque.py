@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
@@ -394,6 +393,8 @@ def _noise(residual: Array, speed: Array) -> Array:
 
 def _tightest(size: Array, features: Array) -> Array:
     """Return the coefficients of the bound that has the smallest mean and exceeds all residuals."""
+    from scipy.optimize import linprog  # slow import, needed only to learn a bound
+
     scale = np.maximum(features.max(axis=0), 1e-9)
     least = np.zeros(len(FEATURES))
     least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)
