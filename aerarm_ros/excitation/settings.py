@@ -117,16 +117,13 @@ class MotionLimits:
         )
 
     @classmethod
-    def of_robot(
-        cls, robot: Robot, acceleration_limit: ArrayLike = np.inf, current_limit: ArrayLike = np.inf
-    ) -> MotionLimits:
-        """Return the motion limits of a URDF, with the given acceleration and current limits.
+    def of_robot(cls, robot: Robot, acceleration_limit: ArrayLike = np.inf) -> MotionLimits:
+        """Return the motion limits of a URDF, with the given acceleration limit.
 
         Parameters
         ----------
         robot : robot model with the URDF's limits.
         acceleration_limit : largest acceleration [rad/s^2], one for all joints or (n,).
-        current_limit : largest motor current [A], one for all joints or (n,).
 
         Raises
         ------
@@ -142,7 +139,7 @@ class MotionLimits:
             one_per_joint('acceleration limit', acceleration_limit, robot.n),
             # A URDF contains 0 for an unknown effort limit.
             np.where(robot.effort_max > 0.0, robot.effort_max, unlimited),
-            one_per_joint('current limit', current_limit, robot.n),
+            unlimited,
         )
 
     def scaled(self, position: float, velocity: float, effort: float) -> MotionLimits:
