@@ -67,15 +67,6 @@ def test_states_are_those_of_the_played_trajectory(
         np.testing.assert_allclose(mine, theirs, atol=1e-12)
 
 
-def test_pull_back_is_the_transpose(basis: StateBasis) -> None:
-    generator = np.random.default_rng(0)
-    x = generator.normal(size=basis.shape)
-    states = basis.states(x)
-    gradients = [generator.normal(size=part.shape) for part in states]
-    forward = sum((g * part).sum() for g, part in zip(gradients, states, strict=True))
-    assert (basis.pull_back(*gradients) * x).sum() == pytest.approx(forward)
-
-
 def test_best_first_and_only_feasible_ones() -> None:
     iterates = FeasibleIterates()
     assert iterates.best() == []

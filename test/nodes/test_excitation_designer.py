@@ -9,28 +9,32 @@ from pathlib import Path
 
 import pytest
 
+from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.nodes.excitation_designer import main
 
 DESIGNER = [sys.executable, '-m', 'aerarm_ros.executables', 'excitation_designer']
-SMALL = ['--harmonics', '2', '--starts', '1', '--workers', '1', '--objective', 'condition']
+SMALL = ['--harmonics', '2', '--starts', '1', '--workers', '1']
 PATIENT = '--time-limit', '600'  # for a busy host; it is over much earlier
 
 
 def test_writes_trajectory_and_validation(tmp_path: Path, capsys) -> None:
     out = tmp_path / 'best.yaml'
-    arguments = [*SMALL, *PATIENT, '--out', str(out)]
+    examples = resource('config', 'examples')
+    arguments = [*SMALL, *PATIENT, '--out', str(out), '--fundamental', '0.25', '--harmonics', '3']
+    for option, file in (('--config', 'yaml'), ('--urdf', 'urdf')):
+        arguments += [option, str(examples / f'three_joints.{file}')]
+    arguments += ['--excitation-config', str(examples / 'three_joints_excitation.yaml')]
     assert main([*arguments, '--validation']) == 0
     best = TrajectoryFile.load(out)
     assert best.made_with['scaled_condition_number'] > 1.0
-    assert best.periods == 2
-    assert any('link1 to ground' in note for note in best.made_with['notes'])
+    assert best.periods == 5
     assert {'torque', 'self clearance', 'ground clearance'} <= set(best.made_with['margins'])
     slow, fast = (
         TrajectoryFile.load(tmp_path / f'best_validation_{name}.yaml') for name in ('slow', 'fast')
     )
-    assert (slow.trajectory.f0, fast.trajectory.f0) == (0.05, 0.2)
-    assert (slow.periods, fast.periods) == (1, 4)
+    assert (slow.trajectory.f0, fast.trajectory.f0) == (0.125, 0.5)
+    assert (slow.periods, fast.periods) == (2, 10)
     printed = capsys.readouterr().out
     assert 'start 0' in printed
     assert 'times smaller than those of the random trajectory above (geometric mean)' in printed
@@ -46,7 +50,6 @@ def test_writes_trajectory_and_validation(tmp_path: Path, capsys) -> None:
         (['--harmonics', '0'], 'at least one harmonic'),
         (['--bias', '0', '-0.4', '0', '0'], '(bias) is infeasible: ground clearance of link4'),
         (['--bias', '0', '0'], 'bias has 2 values'),
-        (['--torque-noise', '0'], '--torque-noise'),
         (['--out', '/nowhere/best.yaml'], '/nowhere/best.yaml cannot be written'),
         (['--out', '/tmp'], 'is a folder'),
         (['--amplitude', '100'], 'all of the amplitude 100 rad is feasible'),
@@ -60,6 +63,18 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys, arguments, message) -> No
     assert message in error
     assert error.count('\n') == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_written_if_a_validation_trajectory_is_infeasible(
+    tmp_path: Path, capsys
+) -> None:
+    settings = tmp_path / 'excitation.yaml'
+    settings.write_text('bias: [0.0, 1.5708, 0.0, 0.0]\nhighest_frequency: 0.3\n')
+    arguments = ['--harmonics', '1', '--fundamental', '0.2', '--duration', '20', '--validation']
+    arguments += ['--excitation-config', str(settings), '--out', str(tmp_path / 'best.yaml')]
+    assert main(arguments) == 2
+    assert 'fast validation trajectory: the highest harmonic' in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [settings]
 
 
 @pytest.mark.parametrize('arguments', [['--duration', 'inf'], ['--starts', '0'], ['--nonsense']])
@@ -84,19 +99,6 @@ def test_files_that_exist_are_replaced_on_request_only(tmp_path: Path, capsys, n
     # The trial of the folder is the same with it; the search itself is left out.
     assert main([*arguments, '--overwrite', '--time-limit', '1e-6']) == 2
     assert 'so it wrote no files' in capsys.readouterr().err
-
-
-def test_nothing_is_written_if_a_validation_trajectory_is_infeasible(
-    tmp_path: Path, capsys
-) -> None:
-    out = tmp_path / 'best.yaml'
-    settings = tmp_path / 'excitation.yaml'
-    settings.write_text('bias: [0.0, 1.5708, 0.0, 0.0]\nhighest_frequency: 0.3\n')
-    arguments = ['--harmonics', '1', '--fundamental', '0.2', '--duration', '20', '--validation']
-    assert main([*arguments, '--excitation-config', str(settings), '--out', str(out)]) == 2
-    error = capsys.readouterr().err
-    assert 'fast validation trajectory: the highest harmonic' in error
-    assert list(tmp_path.iterdir()) == [settings]
 
 
 def test_another_arm_by_the_defaults(

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from aerarm_ros.excitation.settings import ExcitationError
-from aerarm_ros.ros.programs.design_run import excitation_setup, torque_noise, whole_periods
+from aerarm_ros.ros.programs.design_run import excitation_setup, whole_periods
 
 
 def options(**changes) -> argparse.Namespace:
     nothing = {
         'urdf': None, 'config': None, 'excitation_config': None, 'bias': None, 'locked': [],
-        'package_directory': [], 'acceleration_limit': None, 'current_limit': None,
-        'torque_per_ampere': None, 'torque_noise': None,
+        'package_directory': [], 'acceleration_limit': None,
     }  # fmt: skip
     return argparse.Namespace(**{**nothing, **changes})
 
@@ -40,17 +39,3 @@ def test_another_arm_by_its_urdf(example_urdf: Callable[[str], Path]) -> None:
     setup = excitation_setup(options(urdf=urdf, acceleration_limit=[3.0]))
     np.testing.assert_array_equal(setup.limits.acceleration, np.full(6, 3.0))
     assert np.isinf(setup.limits.current).all()
-
-
-def test_limits_of_an_arm_with_a_drive_train_are_not_options() -> None:
-    with pytest.raises(ExcitationError, match='acceleration_limit, torque_per_ampere cannot'):
-        excitation_setup(options(acceleration_limit=[3.0], torque_per_ampere=[1.0]))
-
-
-def test_torque_noise() -> None:
-    assert torque_noise(options(), 4) is None
-    np.testing.assert_array_equal(torque_noise(options(torque_noise=[0.2]), 4), np.full(4, 0.2))
-    with pytest.raises(ExcitationError, match='1 value or 4'):
-        torque_noise(options(torque_noise=[0.2, 0.1]), 4)
-    with pytest.raises(ExcitationError, match='pass positive values'):
-        torque_noise(options(torque_noise=[0.2, 0.1, float('nan'), 0.1]), 4)
