@@ -154,17 +154,7 @@ def rest_observations(
             f'the recording has no rest period of {_SHORTEST:g} s: let the arm rest for one '
             'second in each posture, as `arm calibrate` does'
         )
-    markers = [track for track in tracks if track.rotation is None]
-    sources: list[Source] = []
-    if markers:
-        position = np.stack([_means(rests, one, offsets)[0] for one in markers], axis=1)
-        names = tuple(track.name for track in markers)
-        sources.append(MarkerSource('mocap', names, position))
-    for track in tracks:
-        if track.rotation is not None:
-            place, turn = _means(rests, track, offsets)
-            assert turn is not None
-            sources.append(PoseSource(track.name, turn, place, track.name in eye_in_hand))
+    sources = sources_of([_means(rests, track, offsets) for track in tracks], eye_in_hand)
     labels = tuple(f'rest {k + 1} at {begin:.1f} s' for k, begin in enumerate(
         rests.start - rests.start[0]))  # fmt: skip
     if not any(source.seen.any() for source in sources):
@@ -172,28 +162,41 @@ def rest_observations(
             'no sensor measured anything while the arm rested: check that sensors and joint states '
             'use the same clock for their stamps'
         )
-    return Observations(rests.q, tuple(sources), labels)
+    return Observations(rests.q, sources, labels)
 
 
-def _means(
-    rests: RestingArm, track: Track, offsets: Mapping[str, float]
-) -> tuple[Array, Array | None]:
-    late = offsets.get(track.name, 0.0)
-    count = len(rests.q)
-    place = np.full((count, 3), np.nan)
-    turn = None if track.rotation is None else np.full((count, 3, 3), np.nan)
+def sources_of(tracks: Sequence[Track], eye_in_hand: Sequence[str] = ()) -> tuple[Source, ...]:
+    """Return the sources of measurements whose rows are postures of the arm at rest."""
+    sources: list[Source] = []
+    markers = [track for track in tracks if track.rotation is None]
+    if markers:
+        position = np.stack([one.position for one in markers], axis=1)
+        sources.append(MarkerSource('mocap', tuple(one.name for one in markers), position))
+    return (
+        *sources,
+        *(
+            PoseSource(one.name, one.rotation, one.position, one.name in eye_in_hand)
+            for one in tracks
+            if one.rotation is not None
+        ),
+    )
+
+
+def _means(rests: RestingArm, track: Track, offsets: Mapping[str, float]) -> Track:
+    """Return the mean measurement of each rest period, NaN without measurements."""
+    late, rotation = offsets.get(track.name, 0.0), track.rotation
+    place, turn = np.full((len(rests.q), 3), np.nan), np.full((len(rests.q), 3, 3), np.nan)
     seen = np.isfinite(track.position).all(axis=1)
-    if track.rotation is not None:
-        seen &= np.isfinite(track.rotation).all(axis=(1, 2))
+    if rotation is not None:
+        seen &= np.isfinite(rotation).all(axis=(1, 2))
     for k, (begin, end) in enumerate(zip(rests.start, rests.end, strict=True)):
         inside = (track.time >= begin + late) & (track.time <= end + late) & seen
-        if not inside.any():
-            continue
-        # A single outlier among many camera frames must not change the mean.
-        place[k] = _robust_mean(track.position[inside])
-        if turn is not None and track.rotation is not None:
-            turn[k] = Rotation.from_matrix(track.rotation[inside]).mean().as_matrix()
-    return place, turn
+        if inside.any():
+            # A single outlier among many camera frames must not change the mean.
+            place[k] = _robust_mean(track.position[inside])
+            if rotation is not None:
+                turn[k] = Rotation.from_matrix(rotation[inside]).mean().as_matrix()
+    return Track(track.name, rests.start, place, None if rotation is None else turn)
 
 
 def _robust_mean(values: Array) -> Array:

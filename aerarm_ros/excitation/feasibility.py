@@ -82,20 +82,31 @@ class LimitMargin:
     limit : name of the limit, for example 'velocity' or 'ground clearance'.
     subject : joint or pair of links.
     reached, allowed : extreme value during the motion, and its limit, in `unit`.
-    margin : distance to the limit in `unit`, negative if violated.
-    relative : margin as a fraction of the allowed value, to compare different limits.
-    unit : unit of all values except `relative`.
+    unit : unit of `reached`, `allowed`, `margin` and `scale`.
     time : time of the extreme value [s].
+    scale : margin that counts as 1, to compare different limits.
+    is_lower : whether `allowed` is the smallest allowed value instead of the largest.
     """
 
     limit: str
     subject: str
     reached: float
     allowed: float
-    margin: float
-    relative: float
     unit: str
     time: float
+    scale: float
+    is_lower: bool = False
+
+    @property
+    def margin(self) -> float:
+        """Distance to the limit in `unit`, negative if violated."""
+        rest = self.allowed - self.reached
+        return -rest if self.is_lower else rest
+
+    @property
+    def relative(self) -> float:
+        """Margin as a fraction of `scale`."""
+        return self.margin / self.scale
 
     def __str__(self) -> str:
         return (
@@ -117,18 +128,13 @@ def peak_margins(
     values : (M, n) values to check.
     allowed : (n,) positive limits.
     """
-    margins = []
-    for j, name in enumerate(names):
-        if np.isfinite(allowed[j]):
-            sample = int(np.abs(values[:, j]).argmax())
-            reached, bound = float(abs(values[sample, j])), float(allowed[j])
-            rest = bound - reached
-            margins.append(
-                LimitMargin(
-                    limit, name, reached, bound, rest, rest / bound, unit, float(times[sample])
-                )
-            )
-    return margins
+    size = np.abs(values)
+    peaks = zip(names, allowed.tolist(), size.argmax(axis=0), size.T, strict=True)
+    return [
+        LimitMargin(limit, name, float(own[k]), bound, unit, float(times[k]), bound)
+        for name, bound, k, own in peaks
+        if np.isfinite(bound)
+    ]
 
 
 @dataclass(frozen=True)
@@ -340,10 +346,8 @@ class FeasibilityChecker:
         `ramp_time` [s] as in `RampedExcitation`.
         """
         reached, allowed = trajectory.highest_frequency, self.highest_frequency
-        harmonic = LimitMargin(
-            'frequency', 'highest harmonic', reached, allowed, allowed - reached,
-            1.0 - reached / allowed, 'Hz', 0.0,
-        )  # fmt: skip
+        what = ('frequency', 'highest harmonic')
+        harmonic = LimitMargin(*what, reached, allowed, 'Hz', 0.0, allowed)
         if stop_early and not FeasibilityReport([harmonic]).feasible:
             return FeasibilityReport([harmonic])
         report = self.check(RampedExcitation(trajectory, 1, ramp_time), stop_early)
@@ -391,41 +395,20 @@ class FeasibilityChecker:
 
     def _position_margins(self, times: Array, position: Array) -> list[LimitMargin]:
         low, high = self.limits.position_min, self.limits.position_max
-        margins = []
-        for j, name in enumerate(self.limits.joint_names):
-            at_low, at_high = int(position[:, j].argmin()), int(position[:, j].argmax())
-            for sample, bound, sign in ((at_low, low[j], 1.0), (at_high, high[j], -1.0)):
-                if np.isfinite(bound):
-                    reached = float(position[sample, j])
-                    margin = sign * (reached - float(bound))
-                    # Position margins are relative to half the range, the largest possible margin.
-                    half = 0.5 * float(min(high[j] - low[j], 2.0 * np.pi))
-                    margins.append(
-                        LimitMargin(
-                            'position',
-                            name,
-                            reached,
-                            float(bound),
-                            margin,
-                            margin / half,
-                            'rad',
-                            float(times[sample]),
-                        )
-                    )
-        return margins
+        # Position margins are relative to half the range, the largest possible margin.
+        half = 0.5 * np.minimum(high - low, 2.0 * np.pi)
+        ends = (position.argmin(axis=0), low, True), (position.argmax(axis=0), high, False)
+        return [
+            LimitMargin('position', name, float(position[k[j], j]), float(bound[j]), 'rad',
+                        float(times[k[j]]), float(half[j]), is_lower)
+            for j, name in enumerate(self.limits.joint_names)
+            for k, bound, is_lower in ends
+            if np.isfinite(bound[j])
+        ]  # fmt: skip
 
 
 def _clearance_margin(kind: str, found: Clearance, times: Array) -> LimitMargin:
-    margin = found.guaranteed - found.required
     # Clearance margins are relative to 0.1 m, a distance at which an arm of this size counts as
     # free.
-    return LimitMargin(
-        f'{kind} clearance',
-        found.subject,
-        found.guaranteed,
-        found.required,
-        margin,
-        margin / 0.1,
-        'm',
-        float(times[found.sample]),
-    )
+    time, bounds = float(times[found.sample]), (found.guaranteed, found.required)
+    return LimitMargin(f'{kind} clearance', found.subject, *bounds, 'm', time, 0.1, is_lower=True)

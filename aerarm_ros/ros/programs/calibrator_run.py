@@ -67,7 +67,7 @@ def _calibrate(
     validation = [read_input(path, urdf, options) for path in options.validation]
     inputs = [*training, *validation]
     gravity = options.gravity or (config.gravity_in_base if config else STANDARD_GRAVITY)
-    recorded = [name for name in inputs[0].joints if all(name in one.joints for one in inputs)]
+    recorded = [n for n in inputs[0].joints.names if all(n in one.joints.names for one in inputs)]
     chain = chain_of(urdf, recorded, options.link, options.lock, gravity)
     observations = joined([to_observations(one, chain, options) for one in training])
     held_out = [HeldOut(one.path.stem, to_observations(one, chain, options)) for one in validation]
