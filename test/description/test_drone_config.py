@@ -39,14 +39,6 @@ def test_a_rotor_pushes_where_it_is_and_drags_against_its_turn(tmp_path: Path) -
     np.testing.assert_allclose(drone.allocation[:, 1], expected, atol=1e-12)
 
 
-def test_a_scaled_drone_has_the_given_errors() -> None:
-    drone = load_drone_config()
-    wrong = drone.with_errors(mass=1.2, inertia=0.8)
-    assert wrong.mass == pytest.approx(1.2 * drone.mass)
-    np.testing.assert_allclose(wrong.inertia_matrix, 0.8 * drone.inertia_matrix)
-    assert wrong.rotors == drone.rotors
-
-
 def test_a_heavier_arm_than_the_rotors_lift_is_refused() -> None:
     drone = load_drone_config()
     with pytest.raises(
