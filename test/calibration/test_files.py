@@ -48,20 +48,14 @@ def test_urdf_and_configuration_together_have_them_too(
     poses = fit.geometry.poses(q, fit.errors)
     places = np.array([Kinematics(robot, LINK).position(row + offsets) for row in q])
     np.testing.assert_allclose(places, poses.position, atol=1e-7)
-
-
-def test_everything_else_of_the_urdf_is_unchanged(calibration: Calibration) -> None:
-    text = calibrated_urdf(calibration, with_offsets=False)
-    robot = load_robot(text)
-    assert 'calibrated geometry' in robot.urdf_text
+    # Everything else is unchanged.
     np.testing.assert_array_equal(robot.inertial_parameters, ROBOT.inertial_parameters)
     np.testing.assert_array_equal(robot.position_max, ROBOT.position_max)
-    assert text.count('Frames. A link') == 1  # its comments
-    again = calibrated_urdf(calibration, with_offsets=False)
-    assert again.count('calibrated geometry') == 1
+    assert robot.urdf_text.count('Frames. A link') == 1  # its comments
+    assert robot.urdf_text.count('calibrated geometry') == 1
 
 
-def test_the_yaml_lists_each_estimate_with_its_deviation(calibration: Calibration) -> None:
+def test_yaml_summary_and_pages_list_estimates_and_errors(calibration: Calibration) -> None:
     document = yaml.safe_load(calibration_yaml(calibration, 'arm.yaml'))
     assert document['offsets_in'] == 'arm.yaml'
     for joint, (value, deviation) in document['offsets'].items():
@@ -71,9 +65,6 @@ def test_the_yaml_lists_each_estimate_with_its_deviation(calibration: Calibratio
     listed = document['as_drawn']
     assert 'joint1.offset' in listed['absorbed']
     assert document['errors']['training']['after_mm'] < 0.2
-
-
-def test_summary_and_pages_show_the_same_errors(calibration: Calibration) -> None:
     figures = summary(calibration)
     assert figures['postures'] == 30
     after = figures['errors']['training']['after_mm']
