@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from measured_arm import LINK, ROBOT, MeasuredArm
 
-from aerarm_ros.calibration import fit as fit_module
 from aerarm_ros.calibration.choice import LEVELS, identifiable
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry, Tolerance
@@ -31,24 +30,6 @@ def test_equal_errors_of_four_markers_count_as_one_measurement() -> None:
     observations = arm.observe(arm.postures(60))
     assert geometry_fit(observations).repeats < 1.3
     assert 3.5 < geometry_fit(displaced(observations, 2e-3)).repeats < 5.0
-
-
-def test_predictions_improve_if_correlated_errors_are_counted_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    squares = np.zeros(2)
-    for seed in range(4):
-        arm = MeasuredArm(30 + seed)
-        fits = []
-        for repeats in (None, lambda _: 1.0):
-            with monkeypatch.context() as patch:
-                if repeats:
-                    patch.setattr(fit_module, '_repeats', repeats)
-                fits.append(geometry_fit(displaced(arm.observe(arm.postures(15)), 3e-3, seed)))
-        truth = arm.true_observations(arm.postures(20, seed=1))
-        errors = [fit.residuals(truth)[0] for fit in fits]
-        squares += [np.mean(error**2) for error in errors]
-    assert squares[0] < 0.95 * squares[1]
 
 
 def test_a_small_tolerance_keeps_the_urdf() -> None:

@@ -3,40 +3,15 @@
 from itertools import product
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from aerarm_ros.description.robot import Robot, load_robot
+from aerarm_ros.excitation.clearance import ClearanceChecker
 
 
 @pytest.fixture(scope='module')
 def robot() -> Robot:
     return load_robot()
-
-
-class Shapes:
-    """Collision shapes of the arm, and which of them touch."""
-
-    def __init__(self, robot: Robot) -> None:
-        self.model = robot.model
-        self.geometry = pin.buildGeomFromUrdfString(
-            robot.model, robot.urdf_text, pin.GeometryType.COLLISION
-        )
-        self.geometry.addAllCollisionPairs()
-        self.data = robot.model.createData()
-        self.geometry_data = self.geometry.createData()
-
-    def touching(self, q: np.ndarray) -> set[tuple[int, int]]:
-        """Return the pairs of links (0 = base) that touch in a posture."""
-        pin.computeCollisions(self.model, self.data, self.geometry, self.geometry_data, q, False)
-        parents = [shape.parentJoint for shape in self.geometry.geometryObjects]
-        return {
-            (parents[pair.first], parents[pair.second])
-            for pair, result in zip(
-                self.geometry.collisionPairs, self.geometry_data.collisionResults, strict=True
-            )
-            if result.isCollision()
-        }
 
 
 def test_inertia_is_the_cad_column(robot: Robot, table_a1: dict[str, np.ndarray]) -> None:
@@ -45,16 +20,9 @@ def test_inertia_is_the_cad_column(robot: Robot, table_a1: dict[str, np.ndarray]
 
 
 def test_links_touch_beyond_the_limits_only(robot: Robot) -> None:
-    shapes = Shapes(robot)
+    shapes = ClearanceChecker(robot, self_clearance=0.0)
     corners = product(*zip(robot.position_min, robot.position_max, strict=True))
-    rng = np.random.default_rng(7)
-    inside = rng.uniform(robot.position_min, robot.position_max, (500, 4))
+    inside = np.random.default_rng(7).uniform(robot.position_min, robot.position_max, (500, 4))
     for q in [*map(np.array, corners), *inside, np.zeros(4)]:
-        assert shapes.touching(q) == set()
-    low, high = robot.position_min[1], robot.position_max[3]
-    for q, pair in (
-        ([0.0, -np.pi / 2, 0.0, 0.0], (0, 2)),  # the arm runs into its base
-        ([0.0, low - 0.4, 0.0, 0.0], (1, 2)),
-        ([0.0, 0.0, 0.0, high + 0.7], (3, 4)),  # the tool runs into link 3
-    ):
-        assert pair in shapes.touching(np.array(q))
+        assert shapes.margin(q) > 0.0
+    assert shapes.margin(np.array([0.0, -np.pi / 2, 0.0, 0.0])) < 0.0  # the arm in its base

@@ -69,26 +69,6 @@ def test_a_stop_in_the_middle_of_a_start_keeps_its_best(
     assert 'stopped' in stopped.remark
 
 
-def test_a_search_without_time_for_a_step_blames_no_limit(designer: TrajectoryDesigner) -> None:
-    calls = 0
-
-    def stop() -> bool:
-        nonlocal calls
-        calls += 1
-        return calls > 1 + drawn
-
-    drawn = 0
-
-    def count() -> bool:
-        nonlocal drawn
-        drawn += 1
-        return False
-
-    designer.initial(0, count)
-    stopped = designer.design(0, stop)
-    assert stopped.remark == 'the random initial trajectory is the best'
-
-
 def test_designs_of_another_arm_do_not_depend_on_the_workers() -> None:
     robot = load_robot(resource('config', 'examples', 'three_joints.urdf'))
     specification = DesignSpecification(

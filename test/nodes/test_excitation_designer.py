@@ -1,8 +1,8 @@
 """The designer as a program: files, messages, stops."""
 
+import os
 import signal
-import subprocess
-import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,8 +12,8 @@ import pytest
 from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.nodes.excitation_designer import main
+from aerarm_ros.ros.process.process_end import StopSignals
 
-DESIGNER = [sys.executable, '-m', 'aerarm_ros.executables', 'excitation_designer']
 SMALL = ['--harmonics', '2', '--starts', '1', '--workers', '1']
 PATIENT = '--time-limit', '600'  # for a busy host; it is over much earlier
 
@@ -119,53 +119,38 @@ def test_another_arm_by_the_defaults(
     assert 'close together by design' in printed
 
 
-def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
-    """Ctrl-C at any time in the first seconds, while libraries are loading."""
-    out = tmp_path / 'best.yaml'
-    command = [*DESIGNER, '--out', str(out)]
-    # Told through a pipe that its handlers are set, before the first slow import.
-    script = (
-        'import sys; from aerarm_ros.ros.process import process_end as s; '
-        'enter = s.StopSignals.__enter__; '
-        's.StopSignals.__enter__ = lambda self: (enter(self), print("ready", flush=True))[0]; '
-        f'sys.argv = {command[3:]!r}; '
-        'from aerarm_ros.nodes.excitation_designer import main; sys.exit(main())'
-    )
-    process = subprocess.Popen(
-        [sys.executable, '-c', script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == 'ready\n'
-        process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=60.0)
-    finally:
-        process.kill()
-    assert process.returncode == 130
-    assert error == (
+def test_a_stop_before_there_is_anything_is_one_line(
+    tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C as soon as the handlers are set, before the first slow import."""
+    enter = StopSignals.__enter__
+
+    def interrupted(self: StopSignals) -> StopSignals:
+        entered = enter(self)
+        signal.raise_signal(signal.SIGINT)
+        return entered
+
+    monkeypatch.setattr(StopSignals, '__enter__', interrupted)
+    assert main(['--out', str(tmp_path / 'best.yaml')]) == 130
+    assert capsys.readouterr().err == (
         'excitation_designer: the user stopped the search before the designer found a feasible '
         'trajectory, so it wrote no files: pass a larger --time-limit or a smaller --amplitude\n'
     )
-    assert not out.exists()
+    assert not list(tmp_path.iterdir())
 
 
-def test_a_stop_keeps_the_best_so_far(tmp_path: Path) -> None:
+def test_a_stop_keeps_the_best_so_far(tmp_path: Path, capsys) -> None:
     out = tmp_path / 'best.yaml'
-    command = [*DESIGNER, '--out', str(out)]
-    process = subprocess.Popen(
-        [*command, '--starts', '1000', '--time-limit', '600'], stdout=subprocess.PIPE, text=True
-    )
-    try:
-        deadline = time.monotonic() + 60.0
+
+    def stop() -> None:
         while not out.exists():
-            assert time.monotonic() < deadline
-            assert process.poll() is None
             time.sleep(0.05)
         time.sleep(0.5)
-        process.send_signal(signal.SIGINT)
-        printed, _ = process.communicate(timeout=60.0)
-    finally:
-        process.kill()
-    assert process.returncode == 0
-    assert 'the user stopped the search; the output file contains the best' in printed
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=stop, daemon=True).start()
+    assert main(['--out', str(out), '--starts', '1000', '--workers', '1', *PATIENT]) == 0
+    assert 'the user stopped the search; the output file contains the best' in (
+        capsys.readouterr().out
+    )
     assert TrajectoryFile.load(out).joint_names == ('joint1', 'joint2', 'joint3', 'joint4')
