@@ -77,8 +77,8 @@ def headline(calibration: Calibration) -> str:
     """Return the errors before and after calibration in one sentence."""
     observations, name = calibration.observations, 'in the fitted postures'
     if calibration.held_out:
-        held = calibration.held_out[0]
-        observations, name = held.observations, f'in {len(held.observations)} held-out postures'
+        observations = next(iter(calibration.held_out.values()))
+        name = f'in {len(observations)} held-out postures'
     before, after = calibration.before_after(observations)
     text = (
         f'Position error {name}: {1e3 * before[0]:.2f} mm before, {1e3 * after[0]:.2f} mm after '
@@ -96,8 +96,7 @@ def calibration_text(calibration: Calibration) -> str:
     """Return position errors, tried models and estimates as text for a terminal."""
     lines = [headline(calibration), '']
     names = ['model', 'errors', 'cross-validation', 'training']
-    names += [held.name for held in calibration.held_out]
-    rows = [names]
+    rows = [[*names, *calibration.held_out]]
     for one in calibration.tried:
         mark = ' *' if one is calibration.best else ''
         errors = _errors_of(calibration, one)
@@ -210,7 +209,7 @@ def _candidate_table(calibration: Calibration) -> Html:
         count = Html(str(len(one.fit.free)))
         rows.append([one.name, count, *_errors_of(calibration, one)])
     headings = ['model', 'errors', 'cross-validation [mm]', 'training [mm]']
-    headings += [f'{held.name} [mm]' for held in calibration.held_out]
+    headings += [f'{name} [mm]' for name in calibration.held_out]
     return table(headings, rows, best=[list(calibration.tried).index(calibration.best)])
 
 

@@ -24,8 +24,8 @@ class EffortModel:
     Parameters
     ----------
     robot : arm with prior inertial parameters and friction.
-    rotor_inertia : (n,) inertia reflected to the joints [kg m^2], None for zero.
-    torque_per_ampere : (n,) joint torque per motor current [Nm/A]; None if unknown.
+    rotor_inertia : (n,) or scalar, inertia reflected to the joints [kg m^2].
+    torque_per_ampere : (n,) or scalar, joint torque per motor current [Nm/A]; infinite if unknown.
     load_friction : dry friction per torque transmitted by the gear [-]; None uses the value of
         `robot`.
     """
@@ -33,21 +33,17 @@ class EffortModel:
     def __init__(
         self,
         robot: Robot,
-        rotor_inertia: Array | None = None,
-        torque_per_ampere: Array | None = None,
+        rotor_inertia: ArrayLike = 0.0,
+        torque_per_ampere: ArrayLike = np.inf,
         load_friction: ArrayLike | None = None,
     ) -> None:
         self._n = robot.n
-        self._dynamics = Dynamics(
-            robot, np.zeros(robot.n) if rotor_inertia is None else rotor_inertia
-        )
+        self._dynamics = Dynamics(robot, np.broadcast_to(rotor_inertia, robot.n))
         self._viscous, self._coulomb = robot.viscous, robot.coulomb
         self._load_friction = np.asarray(
             robot.load_friction if load_friction is None else load_friction
         )
-        self._torque_per_ampere = (
-            np.full(robot.n, np.inf) if torque_per_ampere is None else torque_per_ampere
-        )
+        self._torque_per_ampere: Array = np.asarray(torque_per_ampere, dtype=float)
 
     def carry(self, payload: ArrayLike) -> None:
         """Add a payload to the last link of the model, see `Dynamics.carry`."""
@@ -66,11 +62,11 @@ class EffortModel:
 
     def current(self, effort: Array) -> Array:
         """Return the motor currents [A] that produce joint torques [Nm], thesis (4.2) and (4.7)."""
-        return effort / self._torque_per_ampere
+        return np.asarray(effort / self._torque_per_ampere)
 
     def torque(self, current: Array) -> Array:
         """Return the joint torques [Nm] that motor currents [A] produce, without gear friction."""
-        return current * self._torque_per_ampere
+        return np.asarray(current * self._torque_per_ampere)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from measured_arm import CONFIG, LINK, ROBOT, MeasuredArm, own_chain
 
-from aerarm_ros.calibration.calibrate import HeldOut, calibrate
+from aerarm_ros.calibration.calibrate import calibrate
 from aerarm_ros.calibration.chain import chain_of
 from aerarm_ros.calibration.checks import without_copies
 from aerarm_ros.calibration.fit import fitted, registered
@@ -108,9 +108,9 @@ def test_a_fault_of_markers_is_named(
 
 def test_held_out_postures_are_checked_too(good: Observations) -> None:
     whole = changed(good, markers(good).position)
-    held = HeldOut('other day', changed(good, swapped(markers(good).position.copy())))
+    held = changed(good, swapped(markers(good).position.copy()))
     with pytest.raises(CalibrationError, match='are swapped'):
-        calibrate(own_chain(), whole, [held])
+        calibrate(own_chain(), whole, {'other day': held})
 
 
 def test_joint_positions_in_degrees_missing_or_reversed_are_named(good: Observations) -> None:
@@ -131,7 +131,7 @@ def test_a_source_without_measurements_is_named(good: Observations) -> None:
     seen = replace(camera, rotation=np.tile(np.eye(3), (len(good), 1, 1)))
     both = replace(good, sources=(seen, *good.sources))
     with pytest.raises(CalibrationError, match='other have no measurements of camera: .*--ignore'):
-        calibrate(own_chain(), both, [HeldOut('other', good)])
+        calibrate(own_chain(), both, {'other': good})
 
 
 def test_a_fit_ignores_a_source_without_measurements_in_its_postures(good: Observations) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from measured_arm import LINK, ROBOT, MeasuredArm, own_chain
 
-from aerarm_ros.calibration.calibrate import Calibration, CalibrationOptions, HeldOut, calibrate
+from aerarm_ros.calibration.calibrate import Calibration, calibrate
 from aerarm_ros.calibration.choice import LEVELS, identifiable
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
@@ -27,14 +27,14 @@ def predicted_deviation(fit: Fit, q: Array) -> Array:
 @pytest.fixture(scope='module')
 def calibration() -> Calibration:
     arm = MeasuredArm(1, frames=20)
-    held = HeldOut('held out', arm.observe(arm.postures(20, seed=1)))
-    return calibrate(own_chain(), arm.observe(arm.postures(40)), [held])
+    held = arm.observe(arm.postures(20, seed=1))
+    return calibrate(own_chain(), arm.observe(arm.postures(40)), {'held out': held})
 
 
 def test_held_out_errors_fall_from_some_15_mm_to_less_than_half_a_millimetre(
     calibration: Calibration,
 ) -> None:
-    held = calibration.held_out[0].observations
+    held = calibration.held_out['held out']
     before = calibration.errors(calibration.registration, held)[0]
     after = calibration.errors(calibration.fit, held)[0]
     assert 5e-3 < before < 30e-3
@@ -50,7 +50,7 @@ def test_significant_errors_are_chosen_and_the_others_reported(calibration: Cali
     assert (fit.errors[zero] == 0.0).all()
     # What cross-validation left out was predicted about as well as what was held out.
     assert calibration.best.position == pytest.approx(
-        calibration.errors(fit, calibration.held_out[0].observations)[0], rel=0.5
+        calibration.errors(fit, calibration.held_out['held out'])[0], rel=0.5
     )
     names = [fit.geometry.names[k] for k in found.absorbed]
     # A base frame and markers at unknown places hide the first and the last zero.
@@ -81,7 +81,7 @@ def test_two_standard_deviations_cover_predictions_in_20_emulated_arms() -> None
 
 def test_a_level_limits_the_estimated_parameters(calibration: Calibration) -> None:
     observations = calibration.observations.rows(range(25))
-    offsets = calibrate(own_chain(), observations, (), CalibrationOptions('offsets'))
+    offsets = calibrate(own_chain(), observations, level='offsets')
     kinds = {name.rpartition('.')[2] for name in offsets.fit.names[: len(offsets.fit.free)]}
     assert kinds <= {'offset', 'compliance'}
 

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from measured_arm import CONFIG, LINK, ROBOT, MeasuredArm, own_chain
 
-from aerarm_ros.calibration.calibrate import Calibration, CalibrationOptions, calibrate
+from aerarm_ros.calibration.calibrate import Calibration, calibrate
 from aerarm_ros.calibration.files import calibrated_urdf, calibration_yaml, config_yaml, summary
 from aerarm_ros.calibration.report import calibration_html, calibration_text
 from aerarm_ros.description.arm_config import load_arm_config
@@ -19,8 +19,8 @@ from aerarm_ros.model.kinematics import Kinematics
 @pytest.fixture(scope='module')
 def calibration() -> Calibration:
     arm = MeasuredArm(4, frames=10)
-    options = CalibrationOptions('geometry', compliance=False)
-    return calibrate(own_chain(), arm.observe(arm.postures(30)), (), options)
+    observations = arm.observe(arm.postures(30))
+    return calibrate(own_chain(), observations, level='geometry', compliance=False)
 
 
 def test_the_written_urdf_has_the_poses_of_the_fit(calibration: Calibration) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from measured_arm import CONFIG, LINK, ROBOT, MeasuredArm, own_chain
 
-from aerarm_ros.calibration.calibrate import CalibrationOptions, calibrate
+from aerarm_ros.calibration.calibrate import calibrate
 from aerarm_ros.calibration.choice import LEVELS, identifiable
 from aerarm_ros.calibration.files import calibrated_urdf
 from aerarm_ros.calibration.fit import fitted, registered
@@ -41,8 +41,8 @@ def test_a_camera_calibrates_the_arm_as_well(eye_in_hand: bool) -> None:
     source = camera_poses(arm, q, eye_in_hand)
     seen = np.flatnonzero(source.seen)
     assert 40 < len(seen) < len(q)
-    options = CalibrationOptions('geometry', compliance=False)
-    found = calibrate(own_chain(), Observations(q, (source,)).rows(seen[:60]), (), options)
+    observations = Observations(q, (source,)).rows(seen[:60])
+    found = calibrate(own_chain(), observations, level='geometry', compliance=False)
     # By the motion capture's markers: the camera's own are nowhere near them.
     observations = arm.true_observations(arm.postures(30, seed=1))
     drawn = registered(ArmGeometry(ROBOT, LINK), observations)

@@ -13,7 +13,7 @@ from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
 from aerarm_ros.online.contact_place import ContactLocator
-from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound
+from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
 from aerarm_ros.online.joint_friction import JointFriction
 
 TOUCH = Touch(1.6, 2.3, (0.0, 0.0, -5.0))
@@ -265,7 +265,7 @@ def test_lost_states_do_not_raise_the_thresholds(free: CarryingRun, bound: Resid
     for begin in range(300, len(kept), 200):
         kept[begin : begin + 20] = False
     again = learnt(free, thinned(motion, kept))
-    rows = [row for _, _, row in ExternalTorque(known_arm(free), GAIN).over(motion)]
+    rows = list(free_rows(ExternalTorque(known_arm(free), GAIN), motion))
     once, later = (
         np.mean([each.threshold(row) for row in rows], axis=0) for each in (bound, again)
     )
