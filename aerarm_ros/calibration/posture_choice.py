@@ -17,7 +17,6 @@ _CANDIDATES = 400
 _MARGIN = 0.05  # [rad], [m] distance from the joint limits
 # regularization of the information matrix before the first posture, relative to its trace
 _REGULAR = 1e-6
-_FACING = 0.5  # cosine of the largest angle between a visible marker's normal and line of sight
 _EXCHANGES = 3  # passes over the chosen postures
 # Positions of the assumed markers, not collinear [m].
 _PLACES = ((0.1, 0.05, 0.0), (0.1, -0.05, 0.0), (0.0, 0.0, 0.08))
@@ -47,13 +46,12 @@ def choose_postures(
     geometry: ArmGeometry,
     count: int,
     is_allowed: Callable[[Array], bool],
-    is_visible: Callable[[Array], bool] | None = None,
     start: Array | None = None,
     seed: int = 0,
 ) -> PostureChoice:
     """Return the postures that identify the geometric errors best.
 
-    Candidates are random postures within the joint limits that are allowed and visible. A greedy
+    Candidates are random postures within the joint limits that are allowed. A greedy
     choice among these candidates maximizes the determinant of the information matrix of all
     identifiable errors, base frame and markers. In the end each chosen posture is exchanged for a
     better candidate, if one exists (Fedorov 1972).
@@ -64,8 +62,6 @@ def choose_postures(
         Number of postures to choose.
     is_allowed : callable
         Returns whether a posture (n,) is allowed, given self-collisions and the ground.
-    is_visible : callable, optional
-        Returns whether the sensors see the markers in a posture (n,).
     start : (n,) ndarray, optional
         Present posture [rad], from which the order of visits begins.
     seed : int
@@ -76,7 +72,7 @@ def choose_postures(
     CalibrationError
         If too few postures are allowed.
     """
-    q = _candidates(geometry, count, is_allowed, is_visible, seed)
+    q = _candidates(geometry, count, is_allowed, seed)
     fit = _assumed(geometry, q)
     columns = identifiable(fit, LEVELS['geometry']).columns
     rows = free_columns(fit, columns).reshape(len(q), -1, len(columns) + len(fit.names))
@@ -90,45 +86,8 @@ def choose_postures(
     return PostureChoice(q[chosen][order], gain / information.shape[1], len(columns))
 
 
-def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callable[[Array], bool]:
-    """Return a function that returns whether a marker faces the camera in a posture.
-
-    A marker is visible up to 60 degrees between its normal and the line of sight.
-
-    Parameters
-    ----------
-    camera : (3,) ndarray
-        Position of the camera in the base frame [m].
-    normal : (3,) ndarray
-        Normal of the marker, in the frame of the link.
-
-    Raises
-    ------
-    CalibrationError
-        If the normal is zero.
-    """
-    length = float(np.linalg.norm(normal))
-    if length == 0.0:
-        raise CalibrationError(
-            'the normal of the marker is 0 0 0: pass a vector of non-zero length'
-        )
-    errors = np.zeros(len(geometry.names))
-
-    def is_visible(q: Array) -> bool:
-        poses = geometry.poses(q[None], errors)
-        sight = camera - poses.position[0]
-        cosine = (poses.rotation[0] @ normal) @ sight / (length * np.linalg.norm(sight))
-        return bool(cosine > _FACING)
-
-    return is_visible
-
-
 def _candidates(
-    geometry: ArmGeometry,
-    count: int,
-    is_allowed: Callable[[Array], bool],
-    is_visible: Callable[[Array], bool] | None,
-    seed: int,
+    geometry: ArmGeometry, count: int, is_allowed: Callable[[Array], bool], seed: int
 ) -> Array:
     low, high = geometry.robot.posture_range
     generator = np.random.default_rng(seed)
@@ -137,15 +96,12 @@ def _candidates(
     while len(found) < wanted and tried < 20 * wanted:
         tried += 1
         posture = generator.uniform(low + _MARGIN, high - _MARGIN)
-        if is_allowed(posture) and (is_visible is None or is_visible(posture)):
+        if is_allowed(posture):
             found.append(posture)
     if len(found) < 2 * count:
-        advice = 'check the clearances and the ground'
-        if is_visible:
-            advice = "check the clearances, the ground, the camera position and the marker's normal"
         raise CalibrationError(
-            f'only {len(found)} of {tried} random postures are free of collisions and visible: '
-            f'{advice}, or request fewer than {count} postures'
+            f'only {len(found)} of {tried} random postures are free of collisions: check the '
+            f'clearances and the ground, or request fewer than {count} postures'
         )
     return np.array(found)
 

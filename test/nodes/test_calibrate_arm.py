@@ -12,17 +12,10 @@ from sensor_msgs.msg import JointState
 from aerarm_msgs_py import topics
 from aerarm_ros.nodes.arm import make_parser
 from aerarm_ros.ros.programs.calibrate_arm import CalibrateArm
-from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 
 def options(*arguments: str) -> argparse.Namespace:
     return make_parser().parse_args(['calibrate', '--dry-run', *arguments])
-
-
-def test_a_marker_normal_needs_a_camera(ros_node: Node) -> None:
-    arm = CalibrateArm(ros_node, options('--marker-normal', '0', '0', '1'))
-    with pytest.raises(ArmClientError, match='--marker-normal needs the position of the camera'):
-        arm.run()
 
 
 def test_postures_start_at_the_named_joint_positions(
