@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from aerarm_ros.pages.html_text import (
     table,
     text_table,
 )
-from aerarm_ros.pages.plots import figure_html, plotting_script
 
 _METRIC = (
     'Errors are root mean squares: of the distance between measured and predicted position, and '
@@ -62,7 +60,6 @@ def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> s
     body += [
         section('Errors', paragraph(_METRIC, 'note'), _error_table(calibration)),
         section('By marker and direction', _channel_tables(calibration)),
-        section('Residuals of postures', _posture_figure(calibration)),
         section('Choice of the model', paragraph(_CHOICE, 'note'), _candidate_table(calibration)),
         section('Estimates', paragraph(_PARAMETERS, 'note'), _estimate_table(calibration)),
         section('As drawn', _as_drawn(calibration)),
@@ -70,7 +67,7 @@ def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> s
     if mapping:
         body.append(section('Input', bullets(mapping)))
     title = f'Calibration of {calibration.fit.geometry.link}'
-    return page(title, plotting_script(), body, origin())
+    return page(title, '', body, origin())
 
 
 def headline(calibration: Calibration) -> str:
@@ -179,28 +176,6 @@ def _channel_tables(calibration: Calibration) -> Html:
         headings = ['channel', 'RMS before', 'RMS after', 'mean after', 'unit']
         parts += [paragraph(_summed(calibration, name, observations)), table(headings, rows)]
     return Html(''.join(parts))
-
-
-def _posture_figure(calibration: Calibration) -> Html:
-    observations = calibration.observations
-    traces: list[dict[str, Any]] = []
-    for name, fit in (('before', calibration.registration), ('after', calibration.fit)):
-        errors = [_largest(fit, observations.rows([k])) for k in range(len(observations))]
-        traces.append(
-            {
-                'type': 'scatter',
-                'mode': 'markers',
-                'name': name,
-                'x': list(observations.labels),
-                'y': [float(f'{1e3 * value:.4g}') for value in errors],
-            }
-        )
-    layout = {
-        'height': 380,
-        'xaxis': {'title': {'text': 'posture'}},
-        'yaxis': {'title': {'text': 'largest position error [mm]'}, 'rangemode': 'tozero'},
-    }
-    return figure_html('postures', traces, layout)
 
 
 def _candidate_table(calibration: Calibration) -> Html:

@@ -71,4 +71,4 @@ def test_yaml_summary_and_pages_list_estimates_and_errors(calibration: Calibrati
     assert f'{after:.2f} mm after calibration' in calibration_text(calibration)
     html = calibration_html(calibration, ['a mapping'])
     assert 'By marker and direction' in html and 'a mapping' in html
-    assert html.count('<h2') >= 6
+    assert html.count('<h2') >= 5
