@@ -28,7 +28,7 @@ from aerarm_ros.calibration.choice import (
 )
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry, Tolerance
-from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations, norms
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +96,8 @@ class Calibration:
 
     def marker_errors(self, observations: Observations) -> dict[str, float]:
         """Return the RMS position error of each marker or body [m]."""
-        residuals = self.fit.residuals(observations)
-        return {
-            name: float(np.sqrt(np.nanmean(norm**2)))
-            for source, residual in zip(observations.sources, residuals, strict=True)
-            for name, norm in source.norms(residual, 'm').items()
-        }
+        found = norms(observations.sources, self.fit.residuals(observations), 'm')
+        return {name: float(np.sqrt(np.nanmean(own**2))) for name, own in found.items()}
 
     def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:
         """Return the estimated error of one kind and its standard deviation, by joint name."""

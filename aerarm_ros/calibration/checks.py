@@ -10,12 +10,7 @@ import numpy.typing as npt
 
 from aerarm_ros.calibration.fit import Fit
 from aerarm_ros.calibration.geometry import ArmGeometry
-from aerarm_ros.calibration.observations import (
-    CalibrationError,
-    MarkerSource,
-    Observations,
-    PoseSource,
-)
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
 from aerarm_ros.motion.signals import Array
 
 FEWEST = 6
@@ -125,7 +120,6 @@ def check_units(observations: Observations, geometry: ArmGeometry) -> None:
     """
     predicted = _spread(geometry.poses(observations.q, np.zeros(len(geometry.names))).position)
     for source in observations.sources:
-        assert isinstance(source, MarkerSource | PoseSource)
         position = source.position
         if position.ndim == 3:
             position = position[:, 0]

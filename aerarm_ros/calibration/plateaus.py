@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import correlate
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.calibration.observations import (
@@ -221,8 +222,8 @@ def _speed(grid: Array, time: Array, values: Array) -> Array:
 
 def _correlation(one: Array, other: Array, lags: int) -> Array:
     """Return the correlations of `one` with `other` for delays from -lags to lags samples."""
-    size = 1 << int(np.ceil(np.log2(len(one) + len(other))))
-    product = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
-    whole = np.fft.irfft(product, size)
-    found = np.concatenate([whole[-lags:], whole[: lags + 1]])
+    whole = correlate(one, other, method='fft')
+    middle = len(other) - 1  # without a delay
+    whole = np.pad(whole, lags)
+    found = whole[middle : middle + 2 * lags + 1]
     return np.asarray(found / max(np.linalg.norm(one) * np.linalg.norm(other), 1e-300))

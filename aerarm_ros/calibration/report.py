@@ -9,7 +9,7 @@ import numpy as np
 from aerarm_ros.calibration.calibrate import Calibration
 from aerarm_ros.calibration.choice import Candidate
 from aerarm_ros.calibration.fit import Fit
-from aerarm_ros.calibration.observations import Observations
+from aerarm_ros.calibration.observations import Observations, norms
 from aerarm_ros.pages.html_text import (
     Html,
     bullets,
@@ -154,12 +154,8 @@ def _error_table(calibration: Calibration) -> Html:
 
 def _largest(fit: Fit, observations: Observations) -> float:
     """Return the largest position error after calibration [m]."""
-    norms = [
-        norm
-        for source, residual in zip(observations.sources, fit.residuals(observations), strict=True)
-        for norm in source.norms(residual, 'm').values()
-    ]
-    return float(np.nanmax(np.concatenate(norms), initial=0.0)) if norms else 0.0
+    found = list(norms(observations.sources, fit.residuals(observations), 'm').values())
+    return float(np.nanmax(np.concatenate(found), initial=0.0)) if found else 0.0
 
 
 def _channel_tables(calibration: Calibration) -> Html:

@@ -266,20 +266,16 @@ class CollisionPairs:
         return wanted
 
     def _raise_too_close(self, pair: pin.CollisionPair, farthest: float, wanted: float) -> None:
-        subject = ' to '.join(self._names(pair))
-        found = (
-            'overlaps in every posture'
-            if farthest < 0.0
-            else f'has a distance of at most {farthest:.3g} m, less than the required {wanted:g} m'
-        )
         remedy = (
             'ground_height and ground_clearance'
             if touches_ground(self._geometry, pair)
             else 'sizes and origins of the collision shapes, and self_clearance'
         )
         raise ExcitationError(
-            f'{subject} {found}: check {remedy}. If the links touch by construction, add the '
-            'pair to unchecked_pairs of the excitation configuration'
+            f'{" to ".join(self._names(pair))} has a distance of at most {max(farthest, 0.0):.3g} '
+            f'm in every posture, less than the required {wanted:g} m: check {remedy}. If the '
+            'links touch by construction, add the pair to unchecked_pairs of the excitation '
+            'configuration'
         )
 
     def _both_of_the_arm(self, pair: pin.CollisionPair) -> bool:
