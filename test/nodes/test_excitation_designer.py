@@ -13,9 +13,16 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.nodes.excitation_designer import main
 from aerarm_ros.ros.process.process_end import StopSignals
+from aerarm_ros.ros.programs.design_run import whole_periods
 
 SMALL = ['--harmonics', '2', '--starts', '1', '--workers', '1']
 PATIENT = '--time-limit', '600'  # for a busy host; it is over much earlier
+
+
+def test_a_duration_is_a_whole_number_of_periods() -> None:
+    assert whole_periods(20.0, 0.1) == 2
+    # 0.3 has no exact binary fraction, and 10 / 3 s no exact decimal one.
+    assert whole_periods(10.0, 0.3) == 3
 
 
 def test_writes_trajectory_and_validation(tmp_path: Path, capsys) -> None:
@@ -46,6 +53,7 @@ def test_writes_trajectory_and_validation(tmp_path: Path, capsys) -> None:
     ('arguments', 'message'),
     [
         (['--fundamental', '0.07'], 'pass 14.2857 s or 28.5714 s'),
+        (['--duration', '4'], 'pass 10 s'),
         (['--harmonics', '200'], 'highest_frequency of the excitation configuration'),
         (['--harmonics', '0'], 'at least one harmonic'),
         (['--bias', '0', '-0.4', '0', '0'], '(bias) is infeasible: ground clearance of link4'),
