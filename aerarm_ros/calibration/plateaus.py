@@ -166,6 +166,15 @@ def rest_observations(
     return Observations(rests.q, sources, labels)
 
 
+def rotations(quaternion: Array) -> Array:
+    """Return rotation matrices (M, 3, 3) of quaternions (M, 4) as x, y, z, w; NaN if invalid."""
+    found = np.full((len(quaternion), 3, 3), np.nan)
+    norm = np.linalg.norm(quaternion, axis=1)
+    seen = np.isfinite(norm) & (norm > 0.5)
+    found[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
+    return found
+
+
 def sources_of(tracks: Sequence[Track], eye_in_hand: Sequence[str] = ()) -> tuple[Source, ...]:
     """Return the sources of measurements whose rows are postures of the arm at rest."""
     sources: list[Source] = []

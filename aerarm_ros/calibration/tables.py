@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.calibration.observations import CalibrationError
-from aerarm_ros.calibration.plateaus import Track
+from aerarm_ros.calibration.plateaus import Track, rotations
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.table_file import (
     TableColumn,
@@ -252,16 +252,9 @@ def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
         if not axes.keys() >= set(keys):
             continue
         values = np.column_stack([axes[key][2] * axes[key][1] for key in keys])
-        seen = np.isfinite(values).all(axis=1)
-        if len(keys) == 4:
-            seen &= np.linalg.norm(np.nan_to_num(values), axis=1) > 0.5
-        rotation = np.full((len(values), 3, 3), np.nan)
-        if seen.any():
-            turned = values[seen]
-            made = Rotation.from_quat(turned) if len(keys) == 4 else Rotation.from_euler(
-                'xyz', turned)  # fmt: skip
-            rotation[seen] = made.as_matrix()
-        return rotation
+        if keys is _ANGLES:
+            values = Rotation.from_euler('xyz', values).as_quat()
+        return rotations(values)
     return None
 
 

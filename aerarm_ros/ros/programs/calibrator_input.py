@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from aerarm_msgs_py.bags.bag_reader import read_contents
 from aerarm_msgs_py.bags.pose_series import IMU, ODOMETRY, TF, PoseSeries, read_poses
@@ -19,6 +18,7 @@ from aerarm_ros.calibration.plateaus import (
     Track,
     rest_observations,
     resting_arm,
+    rotations,
     sources_of,
     time_offset,
 )
@@ -263,16 +263,8 @@ def _track(name: str, series: PoseSeries, stamp: float, log_time: float) -> Trac
         time = series.log_time - log_time + stamp
     rotation = None
     if np.isfinite(series.quaternion).all(axis=1).any():
-        rotation = _matrices(series.quaternion)
+        rotation = rotations(series.quaternion)
     return Track(name.lstrip('/'), time, series.position, rotation)
-
-
-def _matrices(quaternion: Array) -> Array:
-    found = np.full((len(quaternion), 3, 3), np.nan)
-    norm = np.linalg.norm(quaternion, axis=1)
-    seen = np.isfinite(norm) & (norm > 0.5)
-    found[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
-    return found
 
 
 def joined(parts: Sequence[Observations]) -> Observations:
