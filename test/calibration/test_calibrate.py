@@ -79,13 +79,6 @@ def test_two_standard_deviations_cover_predictions_in_20_emulated_arms() -> None
     assert 0.64 < np.mean(within) < 0.82
 
 
-def test_a_level_limits_the_estimated_parameters(calibration: Calibration) -> None:
-    observations = calibration.observations.rows(range(25))
-    offsets = calibrate(own_chain(), observations, level='offsets')
-    kinds = {name.rpartition('.')[2] for name in offsets.fit.names[: len(offsets.fit.free)]}
-    assert kinds <= {'offset', 'compliance'}
-
-
 def test_an_outlier_does_not_move_the_estimate(calibration: Calibration) -> None:
     arm, observations = MeasuredArm(1), calibration.observations
     source = observations.sources[0]

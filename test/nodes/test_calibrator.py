@@ -70,7 +70,8 @@ def test_without_a_configuration_the_offsets_are_in_the_urdf(
     done = run('calibrator', *arguments, '--out', out)
     assert done.returncode == 0, done.stderr
     assert not (out / 'arm.yaml').exists()
-    assert yaml.safe_load((out / 'calibration.yaml').read_text())['offsets_in'] == 'calibrated.urdf'
+    found = yaml.safe_load((out / 'calibration.yaml').read_text())
+    assert (found['offsets_in'], found['geometry']) == ('calibrated.urdf', {})
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
-from aerarm_ros.online.contact_place import ContactLocator
 from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
 from aerarm_ros.online.joint_friction import JointFriction
 
@@ -220,18 +219,6 @@ def thinned(motion: Recording, kept: np.ndarray) -> Recording:
     assert motion.dq is not None
     rows = {name: getattr(motion, name)[kept] for name in ('time', 'q', 'dq', 'tau')}
     return replace(motion, **rows)
-
-
-def test_the_place_of_a_force_on_the_tool(run: CarryingRun) -> None:
-    robot = run.robot()
-    motion = recording(run, 1.0, 1.01)
-    touched = Touch(0.0, 9.0, (1.0, -3.0, 2.0)).added(run, motion)
-    torque = (motion.tau - touched.tau)[0]
-    place = ContactLocator(robot).locate(motion.q[0], torque, np.full(4, 1e-3))
-    assert place is not None
-    assert place.link == robot.link_names[-1]
-    # Whatever the point, the force explains the torque.
-    assert np.linalg.norm(place.force) == pytest.approx(np.sqrt(14.0), rel=0.5)
 
 
 def test_thresholds_survive_their_file(run: CarryingRun, bound: ResidualBound) -> None:

@@ -43,6 +43,9 @@ def test_a_push_is_found_and_described(
     assert event.cause is Cause.CONTACT
     assert 0.0 < event.begin - PUSH.begin < 0.05
     assert place is not None
+    assert place.link == free.robot().link_names[-1]
+    # Whatever the point, the force explains the torque.
+    assert np.linalg.norm(place.force) == pytest.approx(np.linalg.norm(PUSH.force), rel=0.5)
     (text,) = bag.event_texts()
     assert text.startswith(f'{event.begin:.2f} s to {event.end:.2f} s: contact, torque of joint')
     html = contact_page([bag], {'other': ValueError('other.csv is empty')})
