@@ -144,11 +144,12 @@ def calibrate(
     observations, messages = _without_copies(observations)
     others = {name: _like(name, one, observations) for name, one in (held_out or {}).items()}
     check_count(observations)
-    messages += check_positions(observations, geometry)
-    for one in (*others.values(), observations):
-        check_positions(one, geometry)
+    every = (observations, *others.values())
+    warnings = [check_positions(one, geometry) for one in every]
+    messages += warnings[0]
+    for one in every:
         check_units(one, geometry)
-    check_rigid(observations, *others.values())
+    check_rigid(*every)
     start = registered(geometry, observations)
     check_unknowns(start)
     offsets = identifiable(start, LEVELS['offsets'])
