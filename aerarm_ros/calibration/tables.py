@@ -146,6 +146,8 @@ class _Reader:
         for name, values in columns.items():
             if not (self._joint(name, values) or self._place(name, values)):
                 table.unused.append(name)
+        if not table.joints:
+            self._number_joints(columns)
         for thing, axes in self._axes.items():
             self._thing(thing, axes)
         if not table.joints:
@@ -161,9 +163,22 @@ class _Reader:
             )
         return table
 
-    def _joint(self, name: str, values: Array) -> bool:
+    def _number_joints(self, columns: Mapping[str, Array]) -> None:
+        """Assign columns `q1 ... qn` to the joints of the URDF in order."""
+        found = [(_known_column(name), name) for name in self._table.unused]
+        numbered = sorted(
+            (column.number, name)
+            for column, name in found
+            if column and column.quantity == 'position' and column.number is not None
+        )
+        if len(numbered) == len(self._known):
+            for joint, (_, name) in zip(self._known, numbered, strict=True):
+                self._joint(name, columns[name], joint)
+                self._table.unused.remove(name)
+
+    def _joint(self, name: str, values: Array, joint: str = '') -> bool:
         bare, unit = split_unit(name)
-        joint, column = self._rename.get(bare, bare), _known_column(name)
+        joint, column = joint or self._rename.get(bare, bare), _known_column(name)
         if joint not in self._known and column is not None and column.quantity == 'position':
             joint = self._rename.get(column.joint, column.joint)
         if joint not in self._known:

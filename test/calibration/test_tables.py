@@ -26,6 +26,13 @@ def test_joints_by_name_and_numbered_markers(tmp_path: Path) -> None:
     assert 'marker marker1: columns x1, y1, z1 [m]' in found.mapping
 
 
+def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
+    found = table(tmp_path, 'q2,q1 [deg],x1,y1,z1', '0.2,90,1,2,3')
+    assert found.joints['base_joint'][0] == pytest.approx(np.pi / 2)
+    assert found.joints['elbow'][0] == 0.2
+    assert not found.unused
+
+
 def test_units_of_columns_and_default_units(tmp_path: Path) -> None:
     found = table(tmp_path, 'tip.x [mm],tip.y [mm],tip.z [mm],q_elbow [deg],base_joint',
                   '1000,0,-500,90,0')  # fmt: skip
