@@ -187,8 +187,11 @@ class _Reader:
             raise CalibrationError(
                 f'{self._path} has two columns of joint {joint}, the second is {name}: remove one'
             )
-        unit = unit or ('m' if joint in self._prismatic else self._angle_unit)
-        factor = self._factor(name, unit, {**_ANGLE_UNITS, **LENGTH_UNITS})
+        if unit and column is not None:
+            factor = column.factor
+        else:
+            unit = unit or ('m' if joint in self._prismatic else self._angle_unit)
+            factor = self._factor(name, unit, {**_ANGLE_UNITS, **LENGTH_UNITS})
         self._table.joints[joint] = factor * values
         self._table.mapping.append(f'joint {joint}: column {name} [{unit}]')
         return True

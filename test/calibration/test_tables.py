@@ -34,7 +34,7 @@ def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
 
 
 def test_units_of_columns_and_default_units(tmp_path: Path) -> None:
-    found = table(tmp_path, 'tip.x [mm],tip.y [mm],tip.z [mm],q_elbow [deg],base_joint',
+    found = table(tmp_path, 'tip.x [mm],tip.y [mm],tip.z [mm],q_elbow [degrees],base_joint',
                   '1000,0,-500,90,0')  # fmt: skip
     np.testing.assert_allclose(found.measured['tip'].position[0], [1.0, 0.0, -0.5])
     assert found.joints['elbow'][0] == pytest.approx(np.pi / 2)
