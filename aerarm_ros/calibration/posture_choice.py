@@ -17,6 +17,7 @@ _CANDIDATES = 400
 _MARGIN = 0.05  # [rad], [m] distance from the joint limits
 # regularization of the information matrix before the first posture, relative to its trace
 _REGULAR = 1e-6
+_FACING = 0.5  # cosine of the largest angle between a visible marker's normal and line of sight
 _EXCHANGES = 3  # passes over the chosen postures
 # Positions of the assumed markers, not collinear [m].
 _PLACES = ((0.1, 0.05, 0.0), (0.1, -0.05, 0.0), (0.0, 0.0, 0.08))
@@ -61,7 +62,7 @@ def choose_postures(
     count : int
         Number of postures to choose.
     is_allowed : callable
-        Returns whether a posture (n,) is allowed, given self-collisions and the ground.
+        Returns whether a posture (n,) is allowed, given self-collisions, the ground and visibility.
     start : (n,) ndarray, optional
         Present posture [rad], from which the order of visits begins.
     seed : int
@@ -86,6 +87,36 @@ def choose_postures(
     return PostureChoice(q[chosen][order], gain / information.shape[1], len(columns))
 
 
+def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callable[[Array], bool]:
+    """Return a function that returns whether a marker faces the camera in a posture (n,).
+
+    A marker is visible up to 60 degrees between its normal and the line of sight.
+
+    Parameters
+    ----------
+    camera : (3,) ndarray
+        Position of the camera in the base frame [m].
+    normal : (3,) ndarray
+        Normal of the marker, in the frame of the link.
+
+    Raises
+    ------
+    CalibrationError
+        If the normal is zero.
+    """
+    length = np.linalg.norm(normal)
+    if length == 0.0:
+        raise CalibrationError('the marker normal is 0 0 0: pass a vector of non-zero length')
+
+    def is_visible(q: Array) -> bool:
+        poses = geometry.poses(q[None], np.zeros(len(geometry.names)))
+        sight = camera - poses.position[0]
+        projection = (poses.rotation[0] @ normal) @ sight
+        return bool(projection > _FACING * length * np.linalg.norm(sight))
+
+    return is_visible
+
+
 def _candidates(
     geometry: ArmGeometry, count: int, is_allowed: Callable[[Array], bool], seed: int
 ) -> Array:
@@ -100,8 +131,9 @@ def _candidates(
             found.append(posture)
     if len(found) < 2 * count:
         raise CalibrationError(
-            f'only {len(found)} of {tried} random postures are free of collisions: check the '
-            f'clearances and the ground, or request fewer than {count} postures'
+            f'only {len(found)} of {tried} random postures are allowed: check the clearances and '
+            'the ground, with --camera also the camera position and the marker normal, or request '
+            f'fewer than {count} postures'
         )
     return np.array(found)
 

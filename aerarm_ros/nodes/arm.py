@@ -237,6 +237,14 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
     ))  # fmt: skip
     add('--link', default='', metavar='NAME',
         help='link to which the markers are attached (default: the last link)')  # fmt: skip
+    add('--camera', nargs=3, type=finite_number, metavar=('X', 'Y', 'Z'), help=(
+        'position of a camera in the base frame [m]; the program then chooses only postures in '
+        'which the marker faces the camera'
+    ))  # fmt: skip
+    add('--marker-normal', nargs=3, type=finite_number, metavar=('X', 'Y', 'Z'), help=(
+        'normal vector of the marker, in the frame of the link that carries the marker; needs '
+        '--camera (default: 0 0 1)'
+    ))  # fmt: skip
     _add_arm_files(command)
     add('--excitation-config', default='', metavar='FILE', help=(
         'YAML file with the minimum clearances of the arm and the height of the ground (default: '

@@ -16,8 +16,9 @@ from aerarm_ros.calibration.observations import (
     PoseSource,
 )
 from aerarm_ros.calibration.plateaus import Track, rest_observations, resting_arm, time_offset
-from aerarm_ros.calibration.posture_choice import choose_postures
+from aerarm_ros.calibration.posture_choice import choose_postures, faces_camera
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.simulation.made_geometry import rotation_about
 from aerarm_ros.simulation.mocap import EmulatedCamera
 
 
@@ -99,7 +100,7 @@ def test_chosen_postures_tell_more_than_random_ones() -> None:
     assert (choice.q[:, 1] > 0.5).all()
     assert (choice.q > ROBOT.position_min).all() and (choice.q < ROBOT.position_max).all()
     assert choice.information > 0.2
-    with pytest.raises(CalibrationError, match='random postures are free of collisions'):
+    with pytest.raises(CalibrationError, match='are allowed: .* the camera position and'):
         choose_postures(geometry, 4, lambda q: False)
     worst = [deviations(geometry, q) for q in (choice.q, _random(12))]
     assert worst[0] < worst[1]
@@ -117,3 +118,14 @@ def deviations(geometry: ArmGeometry, q: np.ndarray) -> float:
     fit = fitted(start, identifiable(start, LEVELS['geometry']).columns)
     scaled = fit.deviations[: len(fit.free)] / geometry.typical[list(fit.free)] / fit.length
     return float(np.exp(np.mean(np.log(scaled))))
+
+
+def test_an_independent_camera_sees_the_marker_in_every_chosen_posture() -> None:
+    geometry, arm = ArmGeometry(ROBOT, LINK), MeasuredArm(6)
+    normal = rotation_about(np.array([0.2, 1.3, -0.1])) @ np.array([0.0, 0.0, 1.0])
+    is_visible = faces_camera(geometry, np.array([0.9, -0.9, 0.5]), normal)
+    choice = choose_postures(geometry, 10, is_visible)
+    assert camera_poses(arm, choice.q, False).seen.all()
+    assert camera_poses(arm, _random(30), False).seen.sum() < 25
+    with pytest.raises(CalibrationError, match='pass a vector of non-zero length'):
+        faces_camera(geometry, np.ones(3), np.zeros(3))

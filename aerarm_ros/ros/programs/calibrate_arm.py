@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from aerarm_msgs_py import topics
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import CalibrationError
-from aerarm_ros.calibration.posture_choice import choose_postures
+from aerarm_ros.calibration.posture_choice import choose_postures, faces_camera
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.clearance import ClearanceChecker
@@ -69,6 +69,8 @@ class CalibrateArm:
             not reach a posture. In the last case the bag contains the recording up to this posture.
         """
         options = self._options
+        if options.marker_normal and not options.camera:
+            raise ArmClientError('--marker-normal needs the position of the camera: add --camera')
         if not spin_until(self._node, lambda: bool(self._state.name), options.timeout):
             raise ArmClientError('no joint states received: check that the bridge runs')
         sensors = self._find_sensors()
@@ -112,9 +114,15 @@ class CalibrateArm:
         geometry = ArmGeometry(robot, options.link or robot.link_names[-1])
         low, high = robot.posture_range
         middle, half = 0.5 * (low + high), 0.5 * options.span * (high - low)
+        is_visible = None
+        if options.camera:
+            normal = np.array(options.marker_normal or (0.0, 0.0, 1.0))
+            is_visible = faces_camera(geometry, np.array(options.camera), normal)
 
         def is_allowed(q: Array) -> bool:
-            return bool((np.abs(q - middle) <= half).all()) and checker.margin(q) > 0.0
+            within = bool((np.abs(q - middle) <= half).all())
+            visible = is_visible is None or is_visible(q)
+            return within and visible and checker.margin(q) > 0.0
 
         choice = choose_postures(
             geometry, options.postures, is_allowed, self._position(), options.seed
