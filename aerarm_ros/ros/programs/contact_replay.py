@@ -365,7 +365,12 @@ def _summary(bag: SearchedBag) -> dict[str, Any]:
 def _place(place: ContactPlace) -> dict[str, Any]:
     """Return force [N, axes of the base] and point [m, frame of the link] of a contact."""
     point, force = place.point.round(3).tolist(), place.force.round(3).tolist()
-    return {'link': place.link, 'point': point, 'force': force}
+    return {
+        'link': place.link,
+        'point': point,
+        'force': force,
+        'force_is_determined': bool(place.is_determined),
+    }
 
 
 def contact_page(bags: Sequence[SearchedBag], failures: Mapping[str, Exception]) -> str:
