@@ -79,6 +79,30 @@ def test_two_standard_deviations_cover_predictions_in_20_emulated_arms() -> None
     assert 0.64 < np.mean(within) < 0.82
 
 
+def test_two_standard_deviations_cover_every_identifiable_parameter_in_100_trials() -> None:
+    geometry = ArmGeometry(ROBOT, LINK)
+    arm = MeasuredArm(7)
+    q = arm.postures(25)
+    start = registered(geometry, arm.observe(q))
+    columns = list(identifiable(start, LEVELS['geometry']).columns)
+    generator = np.random.default_rng(5)
+    covered = []
+    source = start.observations.sources[0]
+    assert isinstance(source, MarkerSource)
+    for _ in range(100):
+        errors = np.zeros(len(geometry.names))
+        errors[columns] = 0.5 * geometry.typical[columns] * generator.normal(size=len(columns))
+        noise = 0.2e-3 * generator.normal(size=source.position.shape)
+        exact = source.residuals(geometry.poses(q, errors), start.states[0])
+        measured = replace(source, position=source.position + exact.reshape(noise.shape) + noise)
+        fit = fitted(start, columns, Observations(q, (measured,)))
+        off = np.abs(fit.errors[columns] - errors[columns])
+        covered.append(off < 2.0 * fit.deviations[: len(columns)])
+    share = np.mean(covered, axis=0)
+    assert 0.93 < share.mean() < 0.985
+    assert share.min() > 0.88  # of one parameter: 0.954 less three standard errors
+
+
 def test_an_outlier_does_not_move_the_estimate(calibration: Calibration) -> None:
     arm, observations = MeasuredArm(1), calibration.observations
     source = observations.sources[0]

@@ -130,3 +130,21 @@ def test_a_better_condition_number_must_not_increase_the_deviations(
     low = Quality(1.0, 0.8 * limit, 10.0, -1.0)
     assert specification.betters(Quality(0.9, 0.9 * limit, 10.0, -1.1), low)
     assert specification.betters(designed.quality, designer.initial(0).quality)
+
+
+def test_an_optimum_that_no_amplitude_repairs_still_helps(
+    designer: TrajectoryDesigner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The optimum's bias is outside of the limits, so smaller amplitudes do not help."""
+    start = designer.initial(0)
+    begin = designer._basis.coefficients(start.trajectory)
+    optimum = begin.copy()
+    optimum[1:] *= 1.2
+    optimum[0, 1] += 10.0
+    monkeypatch.setattr(designer, '_optimise', lambda *_: optimum)
+    tried = []
+    check = designer._check
+    monkeypatch.setattr(designer, '_check', lambda t: tried.append(t) or check(t))
+    assert designer.design(0).report.feasible
+    nearest = min(np.abs(designer._basis.coefficients(t) - begin).max() for t in tried)
+    assert nearest == pytest.approx(4.0)

@@ -173,6 +173,21 @@ def test_a_declared_payload_is_neither_contact_nor_found(
     assert found.payload_mass is None
 
 
+def test_a_declared_payload_widens_the_thresholds(
+    loaded: CarryingRun, bound: ResidualBound
+) -> None:
+    """Torque constants and friction are less accurate under load."""
+    bare, carrying = detector(loaded, bound), detector(loaded, bound)
+    carrying.carry(loaded.payload)
+    motion = recording(loaded, loaded.pick_up, 4.0)
+    assert motion.dq is not None
+    for time, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
+        state = ArmState(q, dq, tau)
+        reports = [found.update(state, float(time)) for found in (bare, carrying)]
+    low, high = (report.threshold for report in reports if report is not None)
+    assert (high - low).max() > 0.01
+
+
 def test_a_saturated_torque_is_named_and_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
     motion = recording(run, 0.7, run.pick_up)
     largest = 0.5 * np.abs(motion.tau).max(axis=0)
