@@ -79,20 +79,14 @@ class Weighing:
             (self.estimates[:, 0] > self.put_down) & (self.estimates[:, 1] < 1e-3)
         ][:1, 0]
         bare = self.error(self.pick_up - 3.0, self.pick_up)
-        first, later = (
-            self.error(self.pick_up + begin, self.pick_up + end) for begin, end in ((0, 1), (2, 10))
-        )
+        later = self.error(self.pick_up + 2.0, self.pick_up + 10.0)
         lines = [
-            (
-                f'pick-up detected after {_seconds(found)}, put-down detected after '
-                f'{_seconds(gone - self.put_down)}'
-            ),
+            f'pick-up detected after {_seconds(found)}, put-down detected after '
+            f'{_seconds(gone - self.put_down)}',
             self.weighed(2.0),
             self.weighed(10.0),
-            f'RMS joint error {bare:.2f} mrad before the pick-up, {first:.2f} mrad in the first '
-            f'second after it, {later:.2f} mrad from 2 to 10 s after it ({later / bare:.2f} times '
-            'the error before)',
-            f'{len(self.estimates) / np.ptp(self.errors[:, 0]):.0f} estimates per second',
+            f'RMS joint error {bare:.2f} mrad before the pick-up, {later:.2f} mrad from 2 to 10 s '
+            f'after it ({later / bare:.2f} times the error before)',
         ]
         return '\n'.join(f'  {line}' for line in lines)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,42 +28,7 @@ from aerarm_ros.calibration.choice import (
 )
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry, Tolerance
-from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
-
-
-@dataclass(frozen=True)
-class CalibrationOptions:
-    """Options of a calibration.
-
-    Attributes
-    ----------
-    level : {'auto', 'offsets', 'geometry'}
-        'offsets': estimate joint offsets only; 'geometry': estimate link geometry as well;
-        'auto': the level that predicts held-out postures best.
-    compliance : bool
-        Whether to try models with joint deflection under gravity; requires a URDF with masses.
-    tolerance : Tolerance
-        Typical errors of the URDF.
-    """
-
-    level: str = 'auto'
-    compliance: bool = True
-    tolerance: Tolerance = field(default_factory=Tolerance)
-
-    def __post_init__(self) -> None:
-        """Validate the level."""
-        if self.level not in ('auto', *LEVELS):
-            raise CalibrationError(
-                f'--level {self.level} is unknown: choose one of auto, {", ".join(LEVELS)}'
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class HeldOut:
-    """Postures for validation: the fit omits them, and they test the estimated geometry."""
-
-    name: str
-    observations: Observations
+from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations, norms
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +45,8 @@ class Calibration:
         All sets of geometric errors that were tried.
     found : Identifiable
         Geometric errors that the postures identify, and those that they do not.
-    held_out : tuple of HeldOut
-        Postures for validation.
+    held_out : dict of str to Observations
+        Postures for validation by name: the fit omits them, and they test the geometry.
     messages : list of str
         Notes for the user.
     """
@@ -91,7 +56,7 @@ class Calibration:
     best: Candidate
     tried: tuple[Candidate, ...]
     found: Identifiable
-    held_out: tuple[HeldOut, ...] = ()
+    held_out: Mapping[str, Observations] = field(default_factory=dict)
     messages: list[str] = field(default_factory=list)
 
     @property
@@ -107,8 +72,7 @@ class Calibration:
     @property
     def groups(self) -> dict[str, Observations]:
         """Fitted postures, with the name 'training', and held-out postures by name."""
-        held_out = {held.name: held.observations for held in self.held_out}
-        return {'training': self.observations, **held_out}
+        return {'training': self.observations, **self.held_out}
 
     @property
     def as_drawn(self) -> dict[str, list[str]]:
@@ -132,12 +96,8 @@ class Calibration:
 
     def marker_errors(self, observations: Observations) -> dict[str, float]:
         """Return the RMS position error of each marker or body [m]."""
-        residuals = self.fit.residuals(observations)
-        return {
-            name: float(np.sqrt(np.nanmean(norm**2)))
-            for source, residual in zip(observations.sources, residuals, strict=True)
-            for name, norm in source.norms(residual, 'm').items()
-        }
+        found = norms(observations.sources, self.fit.residuals(observations), 'm')
+        return {name: float(np.sqrt(np.nanmean(own**2))) for name, own in found.items()}
 
     def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:
         """Return the estimated error of one kind and its standard deviation, by joint name."""
@@ -154,8 +114,10 @@ class Calibration:
 def calibrate(
     chain: Chain,
     observations: Observations,
-    held_out: Sequence[HeldOut] = (),
-    options: CalibrationOptions | None = None,
+    held_out: Mapping[str, Observations] | None = None,
+    level: str = 'auto',
+    compliance: bool = True,
+    tolerance: Tolerance | None = None,
 ) -> Calibration:
     """Estimate the geometric errors of an arm.
 
@@ -163,38 +125,44 @@ def calibrate(
     ----------
     observations : Observations
         Joint positions of the chain's robot, with sensor measurements.
-    held_out : sequence of HeldOut
-        Postures for validation only, with the sources of `observations`.
+    held_out : mapping of str to Observations
+        Postures for validation only by name, with the sources of `observations`.
+    level : {'auto', 'offsets', 'geometry'}
+        'offsets': estimate joint offsets only; 'geometry': estimate link geometry as well;
+        'auto': the level that predicts held-out postures best.
+    compliance : bool
+        Whether to try models with joint deflection under gravity; requires a URDF with masses.
+    tolerance : Tolerance
+        Typical errors of the URDF.
 
     Raises
     ------
     CalibrationError
         If measurements are unusable, see `checks`, or too few errors are identifiable.
     """
-    options = options or CalibrationOptions()
-    geometry = ArmGeometry(chain.robot, chain.link, options.tolerance)
+    geometry = ArmGeometry(chain.robot, chain.link, tolerance)
     observations, messages = _without_copies(observations)
-    held_out = [_like(one, observations) for one in held_out]
+    others = {name: _like(name, one, observations) for name, one in (held_out or {}).items()}
     check_count(observations)
-    messages += check_positions(observations, geometry)
-    for one in held_out:
-        check_positions(one.observations, geometry)
-        check_units(one.observations, geometry)
-    check_units(observations, geometry)
-    check_rigid(observations, *(one.observations for one in held_out))
+    every = (observations, *others.values())
+    warnings = [check_positions(one, geometry) for one in every]
+    messages += warnings[0]
+    for one in every:
+        check_units(one, geometry)
+    check_rigid(*every)
     start = registered(geometry, observations)
     check_unknowns(start)
     offsets = identifiable(start, LEVELS['offsets'])
     check_misfit(fitted(start, offsets.columns))
     messages += check_offsets(start, offsets)
-    compliance = options.compliance and chain.has_masses
-    if options.compliance and not chain.has_masses:
+    if compliance and not chain.has_masses:
+        compliance = False
         messages.append(
             'the URDF contains no masses, so the deflection of the joints under gravity is '
             'not estimated'
         )
-    best, tried = chosen(start, options.level, compliance)
-    kinds = LEVELS['geometry' if options.level == 'auto' else options.level]
+    best, tried = chosen(start, level, compliance)
+    kinds = LEVELS['geometry' if level == 'auto' else level]
     kinds = (*kinds, *(('compliance',) if compliance else ()))
     found = identifiable(start, kinds)
     if found.hidden:
@@ -203,7 +171,7 @@ def calibrate(
             f'the postures do not determine the errors {names}, which keep their nominal values: '
             'record postures in which the neighbouring joints move further'
         )
-    return Calibration(chain, start, best, tuple(tried), found, tuple(held_out), messages)
+    return Calibration(chain, start, best, tuple(tried), found, others, messages)
 
 
 def _without_copies(observations: Observations) -> tuple[Observations, list[str]]:
@@ -216,16 +184,16 @@ def _without_copies(observations: Observations) -> tuple[Observations, list[str]
     return replace(observations, sources=tuple(sources)), messages
 
 
-def _like(one: HeldOut, observations: Observations) -> HeldOut:
+def _like(held_out: str, one: Observations, observations: Observations) -> Observations:
     """Return held-out postures with the markers in the order of the fitted observations."""
     sources = []
     for source in observations.sources:
         kind, name = type(source), source.name
-        others = [s for s in one.observations.sources if type(s) is kind and s.name == name]
+        others = [s for s in one.sources if type(s) is kind and s.name == name]
         if not others:
             ignored = source.names if isinstance(source, MarkerSource) else (name,)
             raise CalibrationError(
-                f'the held-out postures {one.name} have no measurements of {name}: add '
+                f'the held-out postures {held_out} have no measurements of {name}: add '
                 f'measurements, or pass --ignore {" ".join(ignored)}'
             )
         other = others[0]
@@ -234,10 +202,10 @@ def _like(one: HeldOut, observations: Observations) -> HeldOut:
             missing = [name for name in source.names if name not in other.names]
             if missing:
                 raise CalibrationError(
-                    f'{one.name} lacks measurements of marker {missing[0]}: add the columns of '
+                    f'{held_out} lacks measurements of marker {missing[0]}: add the columns of '
                     'this marker'
                 )
             order = [other.names.index(name) for name in source.names]
             other = replace(other, names=source.names, position=other.position[:, order])
         sources.append(other)
-    return HeldOut(one.name, replace(one.observations, sources=tuple(sources)))
+    return replace(one, sources=tuple(sources))

@@ -10,7 +10,14 @@ import numpy as np
 
 from aerarm_ros.calibration.fit import Fit, fitted, free_columns
 from aerarm_ros.calibration.geometry import KINDS, LINK_GEOMETRY
-from aerarm_ros.calibration.observations import CalibrationError, Mask, Observations, Source
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    Mask,
+    Observations,
+    Source,
+    norms,
+    sigma,
+)
 from aerarm_ros.motion.signals import Array
 
 _DEPENDENT = 1e-5  # independent fraction of a column, below which the column is dependent
@@ -242,14 +249,7 @@ def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
 
 def errors_of(sources: Sequence[Source], residuals: Sequence[Array]) -> tuple[float, float]:
     """Return the RMS norms of position residuals [m] and of angle residuals [rad]."""
-    position, angle = (
-        [
-            norm
-            for source, residual in zip(sources, residuals, strict=True)
-            for norm in source.norms(residual, unit).values()
-        ]
-        for unit in ('m', 'rad')
-    )
+    position, angle = (list(norms(sources, residuals, unit).values()) for unit in ('m', 'rad'))
     return _rms(position), _rms(angle)
 
 
@@ -265,7 +265,7 @@ def _candidate(
     sources = start.observations.sources
     predicted = np.zeros(len(start.observations))
     for source, residual in zip(sources, residuals, strict=True):
-        predicted += np.nansum((residual / source.sigma(*noise)) ** 2, axis=1)
+        predicted += np.nansum((residual / sigma(source, *noise)) ** 2, axis=1)
     position, angle = errors_of(sources, residuals)
     # Roots instead of squares: a single unexplained posture must not determine the choice.
     return Candidate(name, fit, np.sqrt(predicted), position, angle)

@@ -141,8 +141,8 @@ def summary(calibration: Calibration) -> dict[str, Any]:
                 'cross_validation_mm': _mm(one.position),
                 'training_mm': _mm(calibration.errors(one.fit)[0]),
                 'held_out_mm': {
-                    held.name: _mm(calibration.errors(one.fit, held.observations)[0])
-                    for held in calibration.held_out
+                    name: _mm(calibration.errors(one.fit, observations)[0])
+                    for name, observations in calibration.held_out.items()
                 },
             }
             for one in calibration.tried

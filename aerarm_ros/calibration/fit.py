@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from aerarm_ros.calibration.geometry import ArmGeometry
-from aerarm_ros.calibration.observations import Observations
+from aerarm_ros.calibration.observations import Observations, register, sigma
 from aerarm_ros.motion.signals import Array
 
 LENGTH, ANGLE = 1e-3, 5e-3  # [m], [rad] assumed measurement noise in the first iteration of a fit
@@ -120,10 +120,10 @@ class Fit:
         jacobians = self.jacobian()
         sources = self.observations.sources
         for source, residual, jacobian in zip(sources, self.residuals(), jacobians, strict=True):
-            scaled = residual / source.sigma(self.length, self.angle)
+            scaled = residual / sigma(source, self.length, self.angle)
             root = (1.0 + (scaled / _OUTLIER) ** 2) ** -0.25
             seen = np.isfinite(scaled)
-            scale = (root / source.sigma(self.length, self.angle))[:, :, None]
+            scale = (root / sigma(source, self.length, self.angle))[:, :, None]
             rows.append((jacobian * scale)[seen])
             residuals.append((scaled * root)[seen])
             posture = np.arange(len(scaled))[:, None]
@@ -135,7 +135,7 @@ def registered(geometry: ArmGeometry, observations: Observations) -> Fit:
     """Fit only the base frames and marker positions; the arm keeps its nominal geometry."""
     errors = np.zeros(len(geometry.names))
     poses = geometry.poses(observations.q, errors)
-    states = tuple(source.register(poses) for source in observations.sources)
+    states = tuple(register(source, poses) for source in observations.sources)
     return fitted(Fit(geometry, observations, (), errors, states), ())
 
 
@@ -198,7 +198,7 @@ def _solved(fit: Fit) -> Fit:
     def residuals(step: Array) -> Array:
         there = _stepped(fit, step)
         parts = [
-            (r / s.sigma(fit.length, fit.angle))[np.isfinite(r)]
+            (r / sigma(s, fit.length, fit.angle))[np.isfinite(r)]
             for r, s in zip(there.residuals(), sources, strict=True)
         ]
         return np.concatenate([*parts, there.errors[list(fit.free)] / prior])
@@ -206,7 +206,7 @@ def _solved(fit: Fit) -> Fit:
     def jacobian(step: Array) -> Array:
         there = _stepped(fit, step)
         parts = [
-            (j / s.sigma(fit.length, fit.angle)[:, None])[np.isfinite(r)]
+            (j / sigma(s, fit.length, fit.angle)[:, None])[np.isfinite(r)]
             for j, r, s in zip(there.jacobian(), there.residuals(), sources, strict=True)
         ]
         known = np.zeros((len(fit.free), len(step)))
@@ -273,7 +273,7 @@ def _repeats(fit: Fit) -> float:
     factors, counts = [], []
     for source, residual in zip(fit.observations.sources, fit.residuals(), strict=True):
         seen = np.isfinite(residual).astype(float)
-        scaled = np.nan_to_num(residual) / source.sigma(fit.length, fit.angle)
+        scaled = np.nan_to_num(residual) / sigma(source, fit.length, fit.angle)
         scaled = np.clip(scaled, -_OUTLIER, _OUTLIER)
         moments = scaled.T @ scaled / np.maximum(seen.T @ seen, 1.0)
         size, trace = len(moments), float(np.trace(moments))

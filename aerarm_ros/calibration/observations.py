@@ -7,7 +7,6 @@ to which it is attached, with derivatives.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -35,95 +34,23 @@ _REFINED = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Source(ABC):
-    """Measurements of one sensor in M postures (abstract); a missing measurement is NaN.
+class MarkerSource:
+    """Measured positions of markers, which are fixed to the link at unknown positions.
+
+    A missing measurement of a source is NaN. The state of a source begins with rotation (9) and
+    translation (3) of the base frame.
 
     Attributes
     ----------
     name : str
         Name in reports.
-    """
-
-    name: str
-
-    @property
-    @abstractmethod
-    def unknowns(self) -> tuple[str, ...]:
-        """Names of the unknowns of the source, the base frame first."""
-
-    @property
-    @abstractmethod
-    def channels(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit ('m' or 'rad') of each of the K residuals of a posture."""
-
-    @abstractmethod
-    def residuals(self, poses: LinkPoses, state: Array) -> Array:
-        """Return predicted minus measured values (M, K) [m], [rad]; NaN if not measured."""
-
-    @abstractmethod
-    def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """Return the derivatives of the residuals by the geometric errors and unknowns.
-
-        The arrays are (M, K, P) for the P columns of `poses.jacobian`, and (M, K, U) for the U
-        unknowns of the source.
-        """
-
-    @abstractmethod
-    def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
-        """Return the least squared residual and the best state for a base rotation (3, 3)."""
-
-    def register(self, poses: LinkPoses) -> Array:
-        """Return the initial state (S,) of the source, from measurements and nominal poses.
-
-        The state begins with the base rotation (9) and translation (3).
-        """
-        rows = np.flatnonzero(self.seen)
-        some = rows[np.unique(np.linspace(0, len(rows) - 1, _REGISTERED).astype(int))]
-        source = self.rows(some)
-        poses = LinkPoses(poses.rotation[some], poses.position[some], poses.jacobian[some])
-        return _best_start(lambda rotation: source._linear(poses, rotation))
-
-    @abstractmethod
-    def moved(self, state: Array, step: Array) -> Array:
-        """Return the state of the source changed by a step (U,) of its unknowns."""
-
-    @abstractmethod
-    def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return a source that contains only the postures `index`."""
-
-    @property
-    @abstractmethod
-    def seen(self) -> Mask:
-        """Mask (M,) of postures with measurements."""
-
-    def sigma(self, length: float, angle: float) -> Array:
-        """Return each residual's noise (K,), which depends on whether it is a length or angle."""
-        return np.array([length if unit == 'm' else angle for _, unit in self.channels])
-
-    def norms(self, residuals: Array, unit: str) -> dict[str, Array]:
-        """Return the vector norm (M,) of each marker's or body's residuals that have this unit."""
-        groups: dict[str, list[int]] = {}
-        for k, (channel, own) in enumerate(self.channels):
-            if own == unit:
-                groups.setdefault(channel.rpartition(' ')[0], []).append(k)
-        return {
-            name: np.asarray(np.linalg.norm(residuals[:, columns], axis=1))
-            for name, columns in groups.items()
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class MarkerSource(Source):
-    """Measured positions of markers, which are fixed to the link at unknown positions.
-
-    Attributes
-    ----------
     names : tuple of str
         Names of the markers.
     position : (M, markers, 3) ndarray
         Positions in the sensor's frame [m].
     """
 
+    name: str
     names: tuple[str, ...]
     position: Array
 
@@ -139,14 +66,18 @@ class MarkerSource(Source):
         return tuple((f'{marker} {axis}', 'm') for marker in self.names for axis in 'xyz')
 
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
-        """Return predicted minus measured positions (M, 3 markers) [m]."""
+        """Return predicted minus measured positions (M, 3 markers) [m]; NaN if not measured."""
         (rotation, translation), places = base_pose(state), state[12:].reshape(-1, 3)
         in_base = poses.position[:, None] + np.einsum('mij,kj->mki', poses.rotation, places)
         predicted = in_base @ rotation.T + translation
         return np.asarray((predicted - self.position).reshape(len(self.position), -1))
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """Return the derivatives of the residuals by geometric errors and by the unknowns."""
+        """Return the derivatives of the residuals by geometric errors and by the unknowns.
+
+        The arrays are (M, K, P) for the P columns of `poses.jacobian`, and (M, K, U) for the U
+        unknowns of the source.
+        """
         (rotation, _), places = base_pose(state), state[12:].reshape(-1, 3)
         count, markers = len(self.position), len(self.names)
         lever = np.einsum('mij,kj->mki', poses.rotation, places)
@@ -162,7 +93,8 @@ class MarkerSource(Source):
         shape = (count, 3 * markers, -1)
         return by_errors.reshape(shape), by_unknowns.reshape(shape)
 
-    def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
+    def linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
+        """Return the least squared residual and the best state for a base rotation (3, 3)."""
         seen: Mask = np.asarray(np.isfinite(self.position).all(axis=2))
         rows, values = [], []
         markers = len(self.names)
@@ -197,7 +129,7 @@ class MarkerSource(Source):
 
 
 @dataclass(frozen=True, eq=False)
-class PoseSource(Source):
+class PoseSource:
     """Poses of a body on the link, or of a fixed body measured by a camera on the link.
 
     Attributes
@@ -210,6 +142,7 @@ class PoseSource(Source):
         frame.
     """
 
+    name: str
     rotation: Array
     position: Array
     eye_in_hand: bool = False
@@ -281,7 +214,8 @@ class PoseSource(Source):
     def _filled(self) -> Array:
         return np.where(self.seen[:, None, None], self.rotation, np.eye(3))
 
-    def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
+    def linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
+        """Return the least squared residual and the best state for a base rotation (3, 3)."""
         seen = self.seen
         measured, place = self._filled(), np.where(seen[:, None], self.position, 0.0)
         if self.eye_in_hand:
@@ -319,6 +253,34 @@ class PoseSource(Source):
         """Mask (M,) of postures with a measured position and rotation."""
         turned = np.isfinite(self.rotation).all(axis=(1, 2))
         return np.asarray(np.isfinite(self.position).all(axis=1) & turned)
+
+
+Source = MarkerSource | PoseSource
+"""Measurements of one sensor in M postures."""
+
+
+def register(source: Source, poses: LinkPoses) -> Array:
+    """Return the initial state (S,) of a source, from measurements and nominal poses."""
+    rows = np.flatnonzero(source.seen)
+    some = rows[np.unique(np.linspace(0, len(rows) - 1, _REGISTERED).astype(int))]
+    part = source.rows(some)
+    poses = LinkPoses(poses.rotation[some], poses.position[some], poses.jacobian[some])
+    return _best_start(lambda rotation: part.linear(poses, rotation))
+
+
+def sigma(source: Source, length: float, angle: float) -> Array:
+    """Return each residual's noise (K,), which depends on whether it is a length or angle."""
+    return np.array([length if unit == 'm' else angle for _, unit in source.channels])
+
+
+def norms(sources: Sequence[Source], residuals: Sequence[Array], unit: str) -> dict[str, Array]:
+    """Return the vector norm (M,) of each marker's or body's residuals that have this unit."""
+    groups: dict[str, list[Array]] = {}
+    for source, residual in zip(sources, residuals, strict=True):
+        for (channel, own), column in zip(source.channels, residual.T, strict=True):
+            if own == unit:
+                groups.setdefault(channel.rpartition(' ')[0], []).append(column)
+    return {name: np.asarray(np.linalg.norm(own, axis=0)) for name, own in groups.items()}
 
 
 @dataclass(frozen=True, eq=False)

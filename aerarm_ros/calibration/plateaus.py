@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import correlate
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.calibration.observations import (
@@ -154,17 +155,7 @@ def rest_observations(
             f'the recording has no rest period of {_SHORTEST:g} s: let the arm rest for one '
             'second in each posture, as `arm calibrate` does'
         )
-    markers = [track for track in tracks if track.rotation is None]
-    sources: list[Source] = []
-    if markers:
-        position = np.stack([_means(rests, one, offsets)[0] for one in markers], axis=1)
-        names = tuple(track.name for track in markers)
-        sources.append(MarkerSource('mocap', names, position))
-    for track in tracks:
-        if track.rotation is not None:
-            place, turn = _means(rests, track, offsets)
-            assert turn is not None
-            sources.append(PoseSource(track.name, turn, place, track.name in eye_in_hand))
+    sources = sources_of([_means(rests, track, offsets) for track in tracks], eye_in_hand)
     labels = tuple(f'rest {k + 1} at {begin:.1f} s' for k, begin in enumerate(
         rests.start - rests.start[0]))  # fmt: skip
     if not any(source.seen.any() for source in sources):
@@ -172,28 +163,50 @@ def rest_observations(
             'no sensor measured anything while the arm rested: check that sensors and joint states '
             'use the same clock for their stamps'
         )
-    return Observations(rests.q, tuple(sources), labels)
+    return Observations(rests.q, sources, labels)
 
 
-def _means(
-    rests: RestingArm, track: Track, offsets: Mapping[str, float]
-) -> tuple[Array, Array | None]:
-    late = offsets.get(track.name, 0.0)
-    count = len(rests.q)
-    place = np.full((count, 3), np.nan)
-    turn = None if track.rotation is None else np.full((count, 3, 3), np.nan)
+def rotations(quaternion: Array) -> Array:
+    """Return rotation matrices (M, 3, 3) of quaternions (M, 4) as x, y, z, w; NaN if invalid."""
+    found = np.full((len(quaternion), 3, 3), np.nan)
+    norm = np.linalg.norm(quaternion, axis=1)
+    seen = np.isfinite(norm) & (norm > 0.5)
+    found[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
+    return found
+
+
+def sources_of(tracks: Sequence[Track], eye_in_hand: Sequence[str] = ()) -> tuple[Source, ...]:
+    """Return the sources of measurements whose rows are postures of the arm at rest."""
+    sources: list[Source] = []
+    markers = [track for track in tracks if track.rotation is None]
+    if markers:
+        position = np.stack([one.position for one in markers], axis=1)
+        sources.append(MarkerSource('mocap', tuple(one.name for one in markers), position))
+    return (
+        *sources,
+        *(
+            PoseSource(one.name, one.rotation, one.position, one.name in eye_in_hand)
+            for one in tracks
+            if one.rotation is not None
+        ),
+    )
+
+
+def _means(rests: RestingArm, track: Track, offsets: Mapping[str, float]) -> Track:
+    """Return the mean measurement of each rest period, NaN without measurements."""
+    late, rotation = offsets.get(track.name, 0.0), track.rotation
+    place, turn = np.full((len(rests.q), 3), np.nan), np.full((len(rests.q), 3, 3), np.nan)
     seen = np.isfinite(track.position).all(axis=1)
-    if track.rotation is not None:
-        seen &= np.isfinite(track.rotation).all(axis=(1, 2))
+    if rotation is not None:
+        seen &= np.isfinite(rotation).all(axis=(1, 2))
     for k, (begin, end) in enumerate(zip(rests.start, rests.end, strict=True)):
         inside = (track.time >= begin + late) & (track.time <= end + late) & seen
-        if not inside.any():
-            continue
-        # A single outlier among many camera frames must not change the mean.
-        place[k] = _robust_mean(track.position[inside])
-        if turn is not None and track.rotation is not None:
-            turn[k] = Rotation.from_matrix(track.rotation[inside]).mean().as_matrix()
-    return place, turn
+        if inside.any():
+            # A single outlier among many camera frames must not change the mean.
+            place[k] = _robust_mean(track.position[inside])
+            if rotation is not None:
+                turn[k] = Rotation.from_matrix(rotation[inside]).mean().as_matrix()
+    return Track(track.name, rests.start, place, None if rotation is None else turn)
 
 
 def _robust_mean(values: Array) -> Array:
@@ -218,8 +231,8 @@ def _speed(grid: Array, time: Array, values: Array) -> Array:
 
 def _correlation(one: Array, other: Array, lags: int) -> Array:
     """Return the correlations of `one` with `other` for delays from -lags to lags samples."""
-    size = 1 << int(np.ceil(np.log2(len(one) + len(other))))
-    product = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
-    whole = np.fft.irfft(product, size)
-    found = np.concatenate([whole[-lags:], whole[: lags + 1]])
+    whole = correlate(one, other, method='fft')
+    middle = len(other) - 1  # without a delay
+    whole = np.pad(whole, lags)
+    found = whole[middle : middle + 2 * lags + 1]
     return np.asarray(found / max(np.linalg.norm(one) * np.linalg.norm(other), 1e-300))

@@ -47,13 +47,12 @@ def choose_postures(
     geometry: ArmGeometry,
     count: int,
     is_allowed: Callable[[Array], bool],
-    is_visible: Callable[[Array], bool] | None = None,
     start: Array | None = None,
     seed: int = 0,
 ) -> PostureChoice:
     """Return the postures that identify the geometric errors best.
 
-    Candidates are random postures within the joint limits that are allowed and visible. A greedy
+    Candidates are random postures within the joint limits that are allowed. A greedy
     choice among these candidates maximizes the determinant of the information matrix of all
     identifiable errors, base frame and markers. In the end each chosen posture is exchanged for a
     better candidate, if one exists (Fedorov 1972).
@@ -63,9 +62,7 @@ def choose_postures(
     count : int
         Number of postures to choose.
     is_allowed : callable
-        Returns whether a posture (n,) is allowed, given self-collisions and the ground.
-    is_visible : callable, optional
-        Returns whether the sensors see the markers in a posture (n,).
+        Returns whether a posture (n,) is allowed, given self-collisions, the ground and visibility.
     start : (n,) ndarray, optional
         Present posture [rad], from which the order of visits begins.
     seed : int
@@ -76,7 +73,7 @@ def choose_postures(
     CalibrationError
         If too few postures are allowed.
     """
-    q = _candidates(geometry, count, is_allowed, is_visible, seed)
+    q = _candidates(geometry, count, is_allowed, seed)
     fit = _assumed(geometry, q)
     columns = identifiable(fit, LEVELS['geometry']).columns
     rows = free_columns(fit, columns).reshape(len(q), -1, len(columns) + len(fit.names))
@@ -91,7 +88,7 @@ def choose_postures(
 
 
 def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callable[[Array], bool]:
-    """Return a function that returns whether a marker faces the camera in a posture.
+    """Return a function that returns whether a marker faces the camera in a posture (n,).
 
     A marker is visible up to 60 degrees between its normal and the line of sight.
 
@@ -107,28 +104,21 @@ def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callabl
     CalibrationError
         If the normal is zero.
     """
-    length = float(np.linalg.norm(normal))
+    length = np.linalg.norm(normal)
     if length == 0.0:
-        raise CalibrationError(
-            'the normal of the marker is 0 0 0: pass a vector of non-zero length'
-        )
-    errors = np.zeros(len(geometry.names))
+        raise CalibrationError('the marker normal is 0 0 0: pass a vector of non-zero length')
 
     def is_visible(q: Array) -> bool:
-        poses = geometry.poses(q[None], errors)
+        poses = geometry.poses(q[None], np.zeros(len(geometry.names)))
         sight = camera - poses.position[0]
-        cosine = (poses.rotation[0] @ normal) @ sight / (length * np.linalg.norm(sight))
-        return bool(cosine > _FACING)
+        projection = (poses.rotation[0] @ normal) @ sight
+        return bool(projection > _FACING * length * np.linalg.norm(sight))
 
     return is_visible
 
 
 def _candidates(
-    geometry: ArmGeometry,
-    count: int,
-    is_allowed: Callable[[Array], bool],
-    is_visible: Callable[[Array], bool] | None,
-    seed: int,
+    geometry: ArmGeometry, count: int, is_allowed: Callable[[Array], bool], seed: int
 ) -> Array:
     low, high = geometry.robot.posture_range
     generator = np.random.default_rng(seed)
@@ -137,15 +127,13 @@ def _candidates(
     while len(found) < wanted and tried < 20 * wanted:
         tried += 1
         posture = generator.uniform(low + _MARGIN, high - _MARGIN)
-        if is_allowed(posture) and (is_visible is None or is_visible(posture)):
+        if is_allowed(posture):
             found.append(posture)
     if len(found) < 2 * count:
-        advice = 'check the clearances and the ground'
-        if is_visible:
-            advice = "check the clearances, the ground, the camera position and the marker's normal"
         raise CalibrationError(
-            f'only {len(found)} of {tried} random postures are free of collisions and visible: '
-            f'{advice}, or request fewer than {count} postures'
+            f'only {len(found)} of {tried} random postures are allowed: check the clearances and '
+            'the ground, with --camera also the camera position and the marker normal, or request '
+            f'fewer than {count} postures'
         )
     return np.array(found)
 

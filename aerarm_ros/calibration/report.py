@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from aerarm_ros.calibration.calibrate import Calibration
 from aerarm_ros.calibration.choice import Candidate
 from aerarm_ros.calibration.fit import Fit
-from aerarm_ros.calibration.observations import Observations
+from aerarm_ros.calibration.observations import Observations, norms
 from aerarm_ros.pages.html_text import (
     Html,
     bullets,
@@ -21,7 +20,6 @@ from aerarm_ros.pages.html_text import (
     table,
     text_table,
 )
-from aerarm_ros.pages.plots import figure_html, plotting_script
 
 _METRIC = (
     'Errors are root mean squares: of the distance between measured and predicted position, and '
@@ -62,7 +60,6 @@ def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> s
     body += [
         section('Errors', paragraph(_METRIC, 'note'), _error_table(calibration)),
         section('By marker and direction', _channel_tables(calibration)),
-        section('Residuals of postures', _posture_figure(calibration)),
         section('Choice of the model', paragraph(_CHOICE, 'note'), _candidate_table(calibration)),
         section('Estimates', paragraph(_PARAMETERS, 'note'), _estimate_table(calibration)),
         section('As drawn', _as_drawn(calibration)),
@@ -70,15 +67,15 @@ def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> s
     if mapping:
         body.append(section('Input', bullets(mapping)))
     title = f'Calibration of {calibration.fit.geometry.link}'
-    return page(title, plotting_script(), body, origin())
+    return page(title, '', body, origin())
 
 
 def headline(calibration: Calibration) -> str:
     """Return the errors before and after calibration in one sentence."""
     observations, name = calibration.observations, 'in the fitted postures'
     if calibration.held_out:
-        held = calibration.held_out[0]
-        observations, name = held.observations, f'in {len(held.observations)} held-out postures'
+        observations = next(iter(calibration.held_out.values()))
+        name = f'in {len(observations)} held-out postures'
     before, after = calibration.before_after(observations)
     text = (
         f'Position error {name}: {1e3 * before[0]:.2f} mm before, {1e3 * after[0]:.2f} mm after '
@@ -96,8 +93,7 @@ def calibration_text(calibration: Calibration) -> str:
     """Return position errors, tried models and estimates as text for a terminal."""
     lines = [headline(calibration), '']
     names = ['model', 'errors', 'cross-validation', 'training']
-    names += [held.name for held in calibration.held_out]
-    rows = [names]
+    rows = [[*names, *calibration.held_out]]
     for one in calibration.tried:
         mark = ' *' if one is calibration.best else ''
         errors = _errors_of(calibration, one)
@@ -158,12 +154,8 @@ def _error_table(calibration: Calibration) -> Html:
 
 def _largest(fit: Fit, observations: Observations) -> float:
     """Return the largest position error after calibration [m]."""
-    norms = [
-        norm
-        for source, residual in zip(observations.sources, fit.residuals(observations), strict=True)
-        for norm in source.norms(residual, 'm').values()
-    ]
-    return float(np.nanmax(np.concatenate(norms), initial=0.0)) if norms else 0.0
+    found = list(norms(observations.sources, fit.residuals(observations), 'm').values())
+    return float(np.nanmax(np.concatenate(found), initial=0.0)) if found else 0.0
 
 
 def _channel_tables(calibration: Calibration) -> Html:
@@ -182,35 +174,13 @@ def _channel_tables(calibration: Calibration) -> Html:
     return Html(''.join(parts))
 
 
-def _posture_figure(calibration: Calibration) -> Html:
-    observations = calibration.observations
-    traces: list[dict[str, Any]] = []
-    for name, fit in (('before', calibration.registration), ('after', calibration.fit)):
-        errors = [_largest(fit, observations.rows([k])) for k in range(len(observations))]
-        traces.append(
-            {
-                'type': 'scatter',
-                'mode': 'markers',
-                'name': name,
-                'x': list(observations.labels),
-                'y': [float(f'{1e3 * value:.4g}') for value in errors],
-            }
-        )
-    layout = {
-        'height': 380,
-        'xaxis': {'title': {'text': 'posture'}},
-        'yaxis': {'title': {'text': 'largest position error [mm]'}, 'rangemode': 'tozero'},
-    }
-    return figure_html('postures', traces, layout)
-
-
 def _candidate_table(calibration: Calibration) -> Html:
     rows: list[list[object]] = []
     for one in calibration.tried:
         count = Html(str(len(one.fit.free)))
         rows.append([one.name, count, *_errors_of(calibration, one)])
     headings = ['model', 'errors', 'cross-validation [mm]', 'training [mm]']
-    headings += [f'{held.name} [mm]' for held in calibration.held_out]
+    headings += [f'{name} [mm]' for name in calibration.held_out]
     return table(headings, rows, best=[list(calibration.tried).index(calibration.best)])
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.calibration.observations import CalibrationError
+from aerarm_ros.calibration.plateaus import Track, rotations
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.table_file import (
     TableColumn,
@@ -41,25 +42,6 @@ _UNSEEN = ('', 'nan', 'none', 'null', 'na')  # cell contents that mean a missing
 
 
 @dataclass(eq=False)
-class Measured:
-    """Measurements of one marker or pose, one per table row; a missing measurement is NaN.
-
-    Attributes
-    ----------
-    position : (M, 3) ndarray
-        Position [m].
-    rotation : (M, 3, 3) ndarray or None
-        Rotation matrix; None for a marker.
-    columns : str
-        Names of the table columns of this marker or pose.
-    """
-
-    position: Array
-    rotation: Array | None = None
-    columns: str = ''
-
-
-@dataclass(eq=False)
 class PostureTable:
     """Joint positions and measurements read from a table with one posture per row.
 
@@ -67,8 +49,8 @@ class PostureTable:
     ----------
     joints : dict of str to (M,) ndarray
         Positions [rad], for prismatic joints [m].
-    measured : dict of str to Measured
-        Measurements by name of marker or body.
+    measured : dict of str to Track
+        Measurements by name of marker or body, in M rows; a missing measurement is NaN.
     mapping : list of str
         Meaning of each column, as text.
     unused : list of str
@@ -76,7 +58,7 @@ class PostureTable:
     """
 
     joints: dict[str, Array] = field(default_factory=dict)
-    measured: dict[str, Measured] = field(default_factory=dict)
+    measured: dict[str, Track] = field(default_factory=dict)
     mapping: list[str] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)
 
@@ -153,9 +135,8 @@ class _Reader:
         prismatic: Collection[str],
     ) -> None:
         self._path, self._known, self._rename = path, known, rename
-        self._length = LENGTH_UNITS[length_unit or 'm']
         self._length_unit = length_unit or 'm'
-        self._degrees = degrees
+        self._angle_unit = 'deg' if degrees else 'rad'
         self._prismatic = prismatic
         self._table = PostureTable()
         self._axes: dict[str, dict[str, tuple[str, Array, float]]] = {}
@@ -165,7 +146,8 @@ class _Reader:
         for name, values in columns.items():
             if not (self._joint(name, values) or self._place(name, values)):
                 table.unused.append(name)
-        self._numbered_joints(columns)
+        if not table.joints:
+            self._number_joints(columns)
         for thing, axes in self._axes.items():
             self._thing(thing, axes)
         if not table.joints:
@@ -177,66 +159,44 @@ class _Reader:
         if not table.measured:
             raise CalibrationError(
                 f'{self._path} has no marker columns (its columns are {some_names(columns)}): '
-                'name marker '
-                'columns x1, y1, z1 [m]'
+                'name marker columns x1, y1, z1 [m]'
             )
         return table
 
-    def _joint(self, name: str, values: Array) -> bool:
-        bare, unit = split_unit(name)
-        bare = self._rename.get(bare, bare)
-        if bare in self._known:
-            is_length = not unit and bare in self._prismatic
-            factor = 1.0 if is_length else self._angle(name, unit, also_lengths=True)
-            stated = unit or ('m' if is_length else self._angle_unit)
-            self._add_joint(bare, name, factor * values, stated)
-            return True
-        column = _known_column(name)
-        if column is None:
-            return False
-        joint = self._rename.get(column.joint, column.joint)
-        if column.quantity != 'position' or joint not in self._known:
-            return False
-        self._add_position(joint, name, values, column)
-        return True
-
-    def _numbered_joints(self, columns: Mapping[str, Array]) -> None:
-        """Assign `q1 ... qn` to the joints of the URDF in order, if no column names a joint."""
-        if self._table.joints:
-            return
-        found = [(_known_column(name), name) for name in columns]
-        numbered = [
-            (column.number, name, column)
+    def _number_joints(self, columns: Mapping[str, Array]) -> None:
+        """Assign columns `q1 ... qn` to the joints of the URDF in order."""
+        found = [(_known_column(name), name) for name in self._table.unused]
+        numbered = sorted(
+            (column.number, name)
             for column, name in found
             if column and column.quantity == 'position' and column.number is not None
-        ]
+        )
         if len(numbered) == len(self._known):
-            for joint, (_, name, column) in zip(self._known, sorted(numbered), strict=True):
-                self._add_position(joint, name, columns[name], column)
+            for joint, (_, name) in zip(self._known, numbered, strict=True):
+                self._joint(name, columns[name], joint)
                 self._table.unused.remove(name)
 
-    def _add_position(self, joint: str, name: str, values: Array, column: TableColumn) -> None:
-        factor = column.factor if column.unit else self._angle(name, '', also_lengths=True)
-        self._add_joint(joint, name, factor * values, column.unit or self._angle_unit)
-
-    def _add_joint(self, joint: str, column: str, values: Array, unit: str) -> None:
+    def _joint(self, name: str, values: Array, joint: str = '') -> bool:
+        bare, unit = split_unit(name)
+        joint, column = joint or self._rename.get(bare, bare), _known_column(name)
+        if joint not in self._known and column is not None and column.quantity == 'position':
+            joint = self._rename.get(column.joint, column.joint)
+        if joint not in self._known:
+            return False
         if joint in self._table.joints:
             raise CalibrationError(
-                f'{self._path} has two columns of joint {joint}, the second is {column}: remove one'
+                f'{self._path} has two columns of joint {joint}, the second is {name}: remove one'
             )
-        self._table.joints[joint] = values
-        if unit == 'rad' and joint in self._prismatic:
-            unit = 'm'
-        self._table.mapping.append(f'joint {joint}: column {column} [{unit}]')
+        if unit and column is not None:
+            factor = column.factor
+        else:
+            unit = unit or ('m' if joint in self._prismatic else self._angle_unit)
+            factor = self._factor(name, unit, {**_ANGLE_UNITS, **LENGTH_UNITS})
+        self._table.joints[joint] = factor * values
+        self._table.mapping.append(f'joint {joint}: column {name} [{unit}]')
+        return True
 
-    @property
-    def _angle_unit(self) -> str:
-        return 'deg' if self._degrees else 'rad'
-
-    def _angle(self, name: str, unit: str, also_lengths: bool = False) -> float:
-        units = {**_ANGLE_UNITS, **(LENGTH_UNITS if also_lengths else {})}
-        if not unit:
-            return _ANGLE_UNITS[self._angle_unit]
+    def _factor(self, name: str, unit: str, units: Mapping[str, float]) -> float:
         if unit.lower() not in units:
             raise CalibrationError(
                 f'column {name} of {self._path} has the unknown unit {unit}: use one of '
@@ -254,9 +214,11 @@ class _Reader:
         if axis in 'xyz':
             if unit and unit.lower() not in LENGTH_UNITS:
                 return False
-            factor = LENGTH_UNITS[unit.lower()] if unit else self._length
+            factor = LENGTH_UNITS[(unit or self._length_unit).lower()]
         else:
-            factor = 1.0 if axis.startswith('q') else self._angle(name, unit)
+            factor = 1.0
+            if not axis.startswith('q'):
+                factor = self._factor(name, unit or self._angle_unit, _ANGLE_UNITS)
         thing = self._axes.setdefault(match['name'] or '1', {})
         if axis in thing:
             raise CalibrationError(
@@ -291,7 +253,8 @@ class _Reader:
         unit = split_unit(axes['x'][0])[1] or self._length_unit
         kind = 'marker' if rotation is None else 'pose'
         self._table.mapping.append(f'{kind} {label}: columns {used} [{unit}]')
-        self._table.measured[label] = Measured(position, rotation, used)
+        rows = np.arange(float(len(position)))
+        self._table.measured[label] = Track(label, rows, position, rotation)
 
 
 def _known_column(name: str) -> TableColumn | None:
@@ -307,16 +270,9 @@ def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
         if not axes.keys() >= set(keys):
             continue
         values = np.column_stack([axes[key][2] * axes[key][1] for key in keys])
-        seen = np.isfinite(values).all(axis=1)
-        if len(keys) == 4:
-            seen &= np.linalg.norm(np.nan_to_num(values), axis=1) > 0.5
-        rotation = np.full((len(values), 3, 3), np.nan)
-        if seen.any():
-            turned = values[seen]
-            made = Rotation.from_quat(turned) if len(keys) == 4 else Rotation.from_euler(
-                'xyz', turned)  # fmt: skip
-            rotation[seen] = made.as_matrix()
-        return rotation
+        if keys is _ANGLES:
+            values = Rotation.from_euler('xyz', values).as_quat()
+        return rotations(values)
     return None
 
 

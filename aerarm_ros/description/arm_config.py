@@ -1,6 +1,6 @@
 """Drive train configuration of a whole arm, read from YAML."""
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
@@ -12,13 +12,15 @@ import numpy.typing as npt
 from aerarm_ros.description.config_reader import (
     ConfigError,
     build,
-    check_choice,
+    check_fields,
     check_keys,
-    check_name,
     check_range,
-    check_vector,
+    check_unique,
     load,
+    one_of,
+    ranged,
     section,
+    vector,
 )
 from aerarm_ros.description.drive_config import GearConfig, JointConfig, MotorConfig, ThermalConfig
 from aerarm_ros.motion.signals import Array
@@ -50,18 +52,13 @@ class BoardConfig:
 
     name: str
     device: str
-    clock_hz: int
-    mode: int
-    encoders: str = ''
+    clock_hz: int = ranged(100_000, 50_000_000, 'Hz')
+    mode: int = one_of(0, 1, 2, 3)
+    encoders: str = one_of('', *ENCODERS, default='')
 
     def __post_init__(self) -> None:
         """Validate all values."""
-        check_name('board', 'name', self.name)
-        owner = f'board {self.name}'
-        check_name(owner, 'device', self.device)
-        check_range(owner, 'clock_hz', self.clock_hz, 100_000, 50_000_000, 'Hz')
-        check_choice(owner, 'mode', self.mode, (0, 1, 2, 3))
-        check_choice(owner, 'encoders', self.encoders, ('', *ENCODERS))
+        check_fields(f'board {self.name}', self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,17 +81,14 @@ class PowerStageConfig:
         If a value is outside its range.
     """
 
-    recovery: float = 0.0
-    standby: float = 0.0
-    voltage_min: float = 0.0
-    voltage_max: float = 1e3
+    recovery: float = ranged(0.0, 1.0, default=0.0)
+    standby: float = ranged(0.0, 1e3, 'W', default=0.0)
+    voltage_min: float = ranged(0.0, 1e3, 'V', default=0.0)
+    voltage_max: float = ranged(0.0, 1e3, 'V', default=1e3)
 
     def __post_init__(self) -> None:
         """Validate all values."""
-        check_range('power_stage', 'recovery', self.recovery, 0.0, 1.0, '')
-        check_range('power_stage', 'standby', self.standby, 0.0, 1e3, 'W')
-        check_range('power_stage', 'voltage_min', self.voltage_min, 0.0, 1e3, 'V')
-        check_range('power_stage', 'voltage_max', self.voltage_max, 0.0, 1e3, 'V')
+        check_fields('power_stage', self)
         if self.voltage_min >= self.voltage_max:
             raise ConfigError(
                 f'power_stage: voltage_min = {self.voltage_min} must be below voltage_max = '
@@ -139,8 +133,8 @@ class ArmConfig:
     joints: tuple[JointConfig, ...]
     boards: tuple[BoardConfig, ...]
     profile: str
-    gravity_in_base: tuple[float, float, float]
     rest_position: tuple[float, ...]
+    gravity_in_base: tuple[float, ...] = vector(20.0, 'm/s^2')
     coupled_joints: tuple[tuple[str, str], ...] = ()
     rated_payload: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     power_stage: PowerStageConfig = PowerStageConfig()
@@ -148,15 +142,13 @@ class ArmConfig:
 
     def __post_init__(self) -> None:
         """Check conditions that concern several parts of the configuration."""
-        check_name('arm', 'name', self.name)
-        check_name('arm', 'profile', self.profile)
+        check_fields('arm', self)
         if not self.joints:
             raise ConfigError('arm: joints is empty; list at least one joint')
-        _check_unique('joints', 'name', (joint.name for joint in self.joints))
-        _check_unique('boards', 'name', (board.name for board in self.boards))
-        _check_unique('boards', 'device', (board.device for board in self.boards))
+        check_unique('joints', 'name', self.joint_names)
+        check_unique('boards', 'name', [board.name for board in self.boards])
+        check_unique('boards', 'device', [board.device for board in self.boards])
         self._check_channels()
-        check_vector('arm', 'gravity_in_base', self.gravity_in_base, 20.0, 'm/s^2')
         self._check_rest_position()
         self._check_coupled_joints()
         self._check_rated_payload()
@@ -337,14 +329,6 @@ def _part(where: str, key: str, entry: dict[str, Any], known: Mapping[str, objec
         listed = ', '.join(map(str, known))
         raise ConfigError(f'{where}: {key} = {name!r} must be one of the {key}s {listed}')
     return known[name]
-
-
-def _check_unique(owner: str, key: str, values: Iterable[Hashable]) -> None:
-    seen: set[Hashable] = set()
-    for value in values:
-        if value in seen:
-            raise ConfigError(f'{owner}: {key} {value!r} occurs twice')
-        seen.add(value)
 
 
 class DriveTrain:

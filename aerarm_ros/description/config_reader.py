@@ -4,7 +4,7 @@ import dataclasses
 import math
 import re
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -21,10 +21,65 @@ class ConfigError(ValueError):
     """Error for an unusable configuration; the message names the key and its allowed values."""
 
 
+def ranged(low: float, high: float, unit: str = '', **given: Any) -> Any:
+    """Return a dataclass field of one or more numbers from `low` to `high`, see `check_fields`.
+
+    Ranges are wide enough for any real arm: the check detects NaN and wrong units. `given` are
+    arguments of `dataclasses.field`, for example a default.
+    """
+    return dataclasses.field(metadata={'range': (low, high, unit)}, **given)
+
+
+def vector(bound: float, unit: str, **given: Any) -> Any:
+    """Return a dataclass field of three numbers from -`bound` to `bound`, see `check_fields`."""
+    return dataclasses.field(metadata={'range': (-bound, bound, unit), 'length': 3}, **given)
+
+
+def one_of(*choices: object, **given: Any) -> Any:
+    """Return a dataclass field whose value is one of `choices`, see `check_fields`."""
+    return dataclasses.field(metadata={'choices': choices}, **given)
+
+
+def check_fields(owner: str, config: Any) -> None:
+    """Check the fields of a dataclass: ranges, choices, and texts without default not empty.
+
+    An optional field may be None. `owner` names the part of the configuration in messages.
+
+    Raises
+    ------
+    ConfigError
+        If a value is invalid; the message names the key and the allowed values.
+    """
+    for field in dataclasses.fields(config):
+        value, rule = getattr(config, field.name), field.metadata
+        is_name = field.type in (str, 'str') and field.default is dataclasses.MISSING
+        if is_name and not (isinstance(value, str) and value.strip()):
+            raise ConfigError(f'{owner}: {field.name} = {value!r} must be a name')
+        if 'length' in rule and len(value) != rule['length']:
+            raise ConfigError(f'{owner}: {field.name} = {list(value)} must be a list of x, y and z')
+        if 'choices' in rule:
+            check_choice(owner, field.name, value, rule['choices'])
+        if 'range' in rule and value is not None:
+            for number in value if isinstance(value, tuple) else (value,):
+                check_range(owner, field.name, number, *rule['range'])
+
+
+def check_choice(owner: str, key: str, value: object, choices: tuple[object, ...]) -> None:
+    """Raise ConfigError if a value is not one of `choices`; the message lists them."""
+    if isinstance(value, bool) or value not in choices:
+        listed = ', '.join(map(str, choices))
+        raise ConfigError(f'{owner}: {key} = {value!r} must be one of {listed}')
+
+
+def check_unique(owner: str, key: str, values: Sequence[object]) -> None:
+    """Raise ConfigError if a value occurs twice."""
+    for value in values:
+        if values.count(value) > 1:
+            raise ConfigError(f'{owner}: {key} {value!r} occurs twice; rename or remove one')
+
+
 def check_range(owner: str, key: str, value: float, low: float, high: float, unit: str) -> None:
     """Check that `low <= value <= high`.
-
-    Ranges are wide enough for any real arm: the check detects NaN and wrong units.
 
     Raises
     ------
@@ -39,45 +94,6 @@ def check_range(owner: str, key: str, value: float, low: float, high: float, uni
             f'{owner}: {key} = {value} must lie in {low:g} .. {high:g}{unit_text}; check the '
             'number and its unit'
         )
-
-
-def check_vector(owner: str, key: str, values: tuple[float, ...], bound: float, unit: str) -> None:
-    """Check that a value consists of three finite numbers within +-`bound`.
-
-    Raises
-    ------
-    ConfigError
-        If the check fails.
-    """
-    if len(values) != 3:
-        raise ConfigError(f'{owner}: {key} = {list(values)} must be a list of x, y and z')
-    for value in values:
-        check_range(owner, key, value, -bound, bound, unit)
-
-
-def check_choice(owner: str, key: str, value: object, choices: tuple[object, ...]) -> None:
-    """Check that `value` is one of `choices`.
-
-    Raises
-    ------
-    ConfigError
-        If the value is not among the choices; the message lists them.
-    """
-    if isinstance(value, bool) or value not in choices:
-        listed = ', '.join(str(choice) for choice in choices)
-        raise ConfigError(f'{owner}: {key} = {value!r} must be one of {listed}')
-
-
-def check_name(owner: str, key: str, value: object) -> None:
-    """Check that a value is a non-empty text.
-
-    Raises
-    ------
-    ConfigError
-        If the value is empty or not a text.
-    """
-    if not isinstance(value, str) or not value.strip():
-        raise ConfigError(f'{owner}: {key} = {value!r} must be a name')
 
 
 LOADER: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)

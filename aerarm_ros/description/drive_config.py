@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from aerarm_ros.description.config_reader import ConfigError, check_choice, check_name, check_range
+from aerarm_ros.description.config_reader import ConfigError, check_fields, one_of, ranged
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +28,12 @@ class GearConfig:
     """
 
     kind: str
-    ratio: float
-    efficiency: float = 1.0
+    ratio: float = ranged(1e-4, 1.0, 'joint speed / motor speed')
+    efficiency: float = ranged(0.01, 1.0, default=1.0)
 
     def __post_init__(self) -> None:
         """Validate all values."""
-        check_name('gear', 'kind', self.kind)
-        owner = f'gear {self.kind}'
-        check_range(owner, 'ratio (joint speed / motor speed)', self.ratio, 1e-4, 1.0, '')
-        check_range(owner, 'efficiency', self.efficiency, 0.01, 1.0, '')
+        check_fields(f'gear {self.kind}', self)
 
 
 RATED_AMBIENT = 25.0
@@ -74,23 +71,18 @@ class ThermalConfig:
         If a value is outside its range.
     """
 
-    continuous_current: float
-    temperature_max: float = 110.0
-    winding_time: float = 25.0
-    housing_time: float = 300.0
-    housing_share: float = 0.6
+    continuous_current: float = ranged(1e-3, 500.0, 'A')
+    temperature_max: float = ranged(60.0, 250.0, 'degC', default=110.0)
+    winding_time: float = ranged(0.5, 3600.0, 's', default=25.0)
+    housing_time: float = ranged(0.5, 36000.0, 's', default=300.0)
+    housing_share: float = ranged(0.05, 0.95, default=0.6)
 
     def __post_init__(self) -> None:
         """Validate all values."""
-        owner = 'thermal'
-        check_range(owner, 'continuous_current', self.continuous_current, 1e-3, 500.0, 'A')
-        check_range(owner, 'temperature_max', self.temperature_max, 60.0, 250.0, 'degC')
-        check_range(owner, 'winding_time', self.winding_time, 0.5, 3600.0, 's')
-        check_range(owner, 'housing_time', self.housing_time, 0.5, 36000.0, 's')
-        check_range(owner, 'housing_share', self.housing_share, 0.05, 0.95, '')
+        check_fields('thermal', self)
         if self.housing_time < self.winding_time:
             raise ConfigError(
-                f'{owner}: housing_time = {self.housing_time} must not be below winding_time = '
+                f'thermal: housing_time = {self.housing_time} must not be below winding_time = '
                 f'{self.winding_time}, because the housing warms more slowly than the winding'
             )
 
@@ -145,33 +137,22 @@ class MotorConfig:
     """
 
     name: str
-    pole_pairs: int
-    kv: float
-    current_max: float
-    rotor_inertia: float
-    resistance: float
-    torque_constant_measured: float | None = None
-    resistance_std: float | None = None
+    pole_pairs: int = ranged(1, 100)
+    kv: float = ranged(1.0, 2e4, 'rpm/V')
+    current_max: float = ranged(1e-3, 500.0, 'A')
+    rotor_inertia: float = ranged(0.0, 1e-2, 'kg m^2')
+    resistance: float = ranged(1e-4, 100.0, 'ohm')
+    torque_constant_measured: float | None = ranged(1e-5, 10.0, 'Nm/A', default=None)
+    resistance_std: float | None = ranged(0.0, 100.0, 'ohm', default=None)
     thermal: ThermalConfig | None = None
 
     def __post_init__(self) -> None:
         """Validate all values."""
-        check_name('motor', 'name', self.name)
-        owner = f'motor {self.name}'
-        check_range(owner, 'pole_pairs', self.pole_pairs, 1, 100, '')
-        check_range(owner, 'kv', self.kv, 1.0, 2e4, 'rpm/V')
-        check_range(owner, 'current_max', self.current_max, 1e-3, 500.0, 'A')
-        check_range(owner, 'rotor_inertia', self.rotor_inertia, 0.0, 1e-2, 'kg m^2')
-        check_range(owner, 'resistance', self.resistance, 1e-4, 100.0, 'ohm')
-        if self.torque_constant_measured is not None:
-            key = 'torque_constant_measured'
-            check_range(owner, key, self.torque_constant_measured, 1e-5, 10.0, 'Nm/A')
-        if self.resistance_std is not None:
-            check_range(owner, 'resistance_std', self.resistance_std, 0.0, 100.0, 'ohm')
+        check_fields(f'motor {self.name}', self)
         if self.thermal is not None and self.thermal.continuous_current > self.current_max:
             raise ConfigError(
-                f'{owner}: continuous_current = {self.thermal.continuous_current} (thermal) is '
-                f'above current_max = {self.current_max}; lower continuous_current'
+                f'motor {self.name}: continuous_current = {self.thermal.continuous_current} '
+                f'(thermal) is above current_max = {self.current_max}; lower continuous_current'
             )
 
     @property
@@ -195,21 +176,6 @@ class MotorConfig:
 
 # Two turns in radians; a larger value is probably in degrees.
 _POSITION_BOUND = 12.6
-
-# (field, minimum, maximum, unit)
-_RANGES = (
-    ('offset', -_POSITION_BOUND, _POSITION_BOUND, 'rad'),
-    ('position_min', -_POSITION_BOUND, _POSITION_BOUND, 'rad'),
-    ('position_max', -_POSITION_BOUND, _POSITION_BOUND, 'rad'),
-    ('velocity_max', 1e-3, 50.0, 'rad/s'),
-    ('acceleration_max', 1e-3, 1e4, 'rad/s^2'),
-    ('effort_max', 1e-3, 1e3, 'Nm'),
-    ('effort_rate_max', 1e-2, 1e6, 'Nm/s'),
-    ('viscous', 0.0, 100.0, 'Nms/rad'),
-    ('coulomb', 0.0, 100.0, 'Nm'),
-    ('board_kp', 0.0, 1e3, 'A/rad'),
-    ('board_kd', 0.0, 1e3, 'A s/rad'),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,30 +216,25 @@ class JointConfig:
     name: str
     motor: MotorConfig
     gear: GearConfig
-    board: int
-    channel: int
-    sign: int
-    offset: float
-    position_min: float
-    position_max: float
-    velocity_max: float
-    acceleration_max: float
-    effort_max: float
-    effort_rate_max: float
-    viscous: float
-    coulomb: float
-    board_kp: float
-    board_kd: float
+    board: int = ranged(0, 100)
+    channel: int = one_of(0, 1)
+    sign: int = one_of(1, -1)
+    offset: float = ranged(-_POSITION_BOUND, _POSITION_BOUND, 'rad')
+    position_min: float = ranged(-_POSITION_BOUND, _POSITION_BOUND, 'rad')
+    position_max: float = ranged(-_POSITION_BOUND, _POSITION_BOUND, 'rad')
+    velocity_max: float = ranged(1e-3, 50.0, 'rad/s')
+    acceleration_max: float = ranged(1e-3, 1e4, 'rad/s^2')
+    effort_max: float = ranged(1e-3, 1e3, 'Nm')
+    effort_rate_max: float = ranged(1e-2, 1e6, 'Nm/s')
+    viscous: float = ranged(0.0, 100.0, 'Nms/rad')
+    coulomb: float = ranged(0.0, 100.0, 'Nm')
+    board_kp: float = ranged(0.0, 1e3, 'A/rad')
+    board_kd: float = ranged(0.0, 1e3, 'A s/rad')
 
     def __post_init__(self) -> None:
         """Validate all values."""
-        check_name('joint', 'name', self.name)
         owner = f'joint {self.name}'
-        check_range(owner, 'board', self.board, 0, 100, '')
-        check_choice(owner, 'channel', self.channel, (0, 1))
-        check_choice(owner, 'sign', self.sign, (1, -1))
-        for key, low, high, unit in _RANGES:
-            check_range(owner, key, getattr(self, key), low, high, unit)
+        check_fields(owner, self)
         if self.position_min >= self.position_max:
             raise ConfigError(
                 f'{owner}: position_min = {self.position_min} must be below '

@@ -11,22 +11,18 @@ import numpy.typing as npt
 from aerarm_ros.description.config_reader import (
     ConfigError,
     build,
+    check_fields,
     check_keys,
-    check_name,
-    check_range,
-    check_vector,
+    check_unique,
     load,
+    ranged,
     section,
+    vector,
 )
 from aerarm_ros.motion.signals import Array
 
 _LENGTH_BOUND = 5.0  # [m]; a larger position is probably in millimetres
 _ANGLE_BOUND = 6.3  # [rad]; a larger angle is probably in degrees
-
-
-def check_position(owner: str, key: str, values: tuple[float, ...]) -> None:
-    """Check that a position on a drone consists of three plausible numbers [m]."""
-    check_vector(owner, key, values, _LENGTH_BOUND, 'm')
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +42,12 @@ class PoseConfig:
         If a number is missing or outside any plausible range.
     """
 
-    position: tuple[float, ...]
-    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
+    position: tuple[float, ...] = vector(_LENGTH_BOUND, 'm')
+    rpy: tuple[float, ...] = vector(_ANGLE_BOUND, 'rad', default=(0.0, 0.0, 0.0))
 
     def __post_init__(self) -> None:
         """Validate all values."""
-        check_position('pose', 'position', self.position)
-        check_vector('pose', 'rpy', self.rpy, _ANGLE_BOUND, 'rad')
+        check_fields('pose', self)
 
     @property
     def rotation(self) -> Array:
@@ -101,29 +96,23 @@ class RotorConfig:
     """
 
     name: str
-    position: tuple[float, ...]
-    axis: tuple[float, ...]
-    moment_per_thrust: float
-    thrust_max: float
-    time_constant: float
-    thrust_min: float = 0.0
+    position: tuple[float, ...] = vector(_LENGTH_BOUND, 'm')
+    axis: tuple[float, ...] = vector(10.0, '')
+    moment_per_thrust: float = ranged(-1.0, 1.0, 'Nm/N')
+    thrust_max: float = ranged(1e-3, 1e4, 'N')
+    time_constant: float = ranged(1e-4, 1.0, 's')
+    thrust_min: float = ranged(-1e4, 1e4, 'N', default=0.0)
 
     def __post_init__(self) -> None:
         """Validate all values."""
-        check_name('rotor', 'name', self.name)
         owner = f'rotor {self.name}'
-        check_position(owner, 'position', self.position)
-        check_vector(owner, 'axis', self.axis, 10.0, '')
+        check_fields(owner, self)
         length = math.hypot(*self.axis)
         if abs(length - 1.0) > _UNIT_TOLERANCE:
             raise ConfigError(
                 f'{owner}: axis has length {length:.4g} instead of 1; give a unit vector, for '
                 'example [0, 0, 1] for thrust upwards'
             )
-        check_range(owner, 'moment_per_thrust', self.moment_per_thrust, -1.0, 1.0, 'Nm/N')
-        check_range(owner, 'thrust_max', self.thrust_max, 1e-3, 1e4, 'N')
-        check_range(owner, 'thrust_min', self.thrust_min, -1e4, 1e4, 'N')
-        check_range(owner, 'time_constant', self.time_constant, 1e-4, 1.0, 's')
         if self.thrust_min >= self.thrust_max:
             raise ConfigError(
                 f'{owner}: thrust_min = {self.thrust_min} must be below '
@@ -183,20 +172,17 @@ class DroneConfig:
     """
 
     name: str
-    mass: float
-    centre_of_mass: tuple[float, ...]
-    inertia: tuple[float, ...]
-    size: tuple[float, ...]
     mount: PoseConfig
     imu: PoseConfig
     rotors: tuple[RotorConfig, ...]
+    mass: float = ranged(0.05, 500.0, 'kg')
+    centre_of_mass: tuple[float, ...] = vector(_LENGTH_BOUND, 'm')
+    inertia: tuple[float, ...] = ranged(-1e3, 1e3, 'kg m^2')
+    size: tuple[float, ...] = vector(_LENGTH_BOUND, 'm')
 
     def __post_init__(self) -> None:
         """Check all values, and conditions that concern several parts of the drone."""
-        check_name('drone', 'name', self.name)
-        check_range('drone', 'mass', self.mass, 0.05, 500.0, 'kg')
-        check_position('drone', 'centre_of_mass', self.centre_of_mass)
-        check_vector('drone', 'size', self.size, 5.0, 'm')
+        check_fields('drone', self)
         if min(self.size) <= 0.0:
             raise ConfigError(f'drone: size = {list(self.size)} [m] must be positive')
         self._check_inertia()
@@ -314,19 +300,12 @@ class DroneConfig:
             raise ConfigError(
                 f'drone: inertia = {list(self.inertia)} needs ixx, iyy, izz, ixy, ixz and iyz'
             )
-        for value in self.inertia:
-            check_range('drone', 'inertia', value, -1e3, 1e3, 'kg m^2')
-        principal = np.linalg.eigvalsh(self.inertia_matrix)
-        if principal[0] <= 0.0:
+        small, middle, large = np.linalg.eigvalsh(self.inertia_matrix)
+        if small <= 0.0 or large > (small + middle) * (1.0 + _ROUNDING):
             raise ConfigError(
-                f'drone: inertia = {list(self.inertia)} has the principal moment '
-                f'{principal[0]:.3g} kg m^2; all three must be positive'
-            )
-        if principal[2] > (principal[0] + principal[1]) * (1.0 + _ROUNDING):
-            raise ConfigError(
-                f'drone: inertia = {list(self.inertia)} has the principal moments '
-                f'{principal[0]:.3g}, {principal[1]:.3g}, {principal[2]:.3g} kg m^2; none may be '
-                'larger than the sum of the others'
+                f'drone: inertia = {list(self.inertia)} has the principal moments {small:.3g}, '
+                f'{middle:.3g}, {large:.3g} kg m^2; all must be positive, and none may be larger '
+                'than the sum of the others'
             )
 
     def _check_reach(self) -> None:
@@ -350,11 +329,7 @@ class DroneConfig:
     def _check_rotors(self) -> None:
         if not self.rotors:
             raise ConfigError('drone: rotors is empty; list at least four rotors')
-        for name in self.rotor_names:
-            if self.rotor_names.count(name) > 1:
-                raise ConfigError(
-                    f'drone: rotor {name} is listed twice; rename or remove one of the two'
-                )
+        check_unique('rotors', 'name', self.rotor_names)
         # Hovering needs thrust along z and three moments.
         matrix = self.allocation[2:]
         matrix[1:] /= self._arm_length

@@ -7,7 +7,7 @@ import numpy as np
 
 from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.drone_config import DroneConfig, PoseConfig
-from aerarm_ros.description.urdf_document import numbers_text
+from aerarm_ros.description.urdf_document import UrdfDocument, numbers_text
 
 BODY_LINK, IMU_LINK = 'drone', 'drone_imu'
 
@@ -36,7 +36,7 @@ def with_drone(urdf_text: str, drone: DroneConfig, prefix: str = '') -> str:
     """
     root = ET.fromstring(urdf_text)
     body, imu = prefix + BODY_LINK, prefix + IMU_LINK
-    base = _base_link(root, {body, imu})
+    base = _base_link(urdf_text, {body, imu})
     for name, colour in _COLOURS.items():
         ET.SubElement(ET.SubElement(root, 'material', name=name), 'color', rgba=colour)
     _add_body(root, body, drone)
@@ -47,20 +47,15 @@ def with_drone(urdf_text: str, drone: DroneConfig, prefix: str = '') -> str:
     return ET.tostring(root, encoding='unicode')
 
 
-def _base_link(root: ET.Element, wanted: set[str]) -> str:
-    links = [link.get('name', '') for link in root.findall('link')]
-    joints = root.findall('joint')
-    children = {child.get('link') for joint in joints for child in joint.findall('child')}
-    bases = [name for name in links if name not in children]
-    taken = wanted & set(links)
-    if taken or len(bases) != 1:
-        what = (
-            f'it already has a link {", ".join(taken)}' if taken else 'it has no single base link'
-        )
+def _base_link(text: str, wanted: set[str]) -> str:
+    document = UrdfDocument(text)
+    if taken := wanted & document.links:
         raise DescriptionError(
-            f'the URDF of the arm cannot be combined with the drone_file, because {what}'
+            'the URDF of the arm cannot be combined with the drone_file, because it already has a '
+            f'link {", ".join(taken)}'
         )
-    return bases[0]
+    (base,) = document.links - {joint.child for joint in document.joints.values()}
+    return base
 
 
 def _add_body(root: ET.Element, name: str, drone: DroneConfig) -> None:

@@ -236,8 +236,7 @@ def load_robot(
             joint_names = joint_names and [prefix + name for name in joint_names]
         moving = _moving_joints(document, joint_names, locked)
         model = _build_model(document, moving)
-        _check_model(model, moving)
-        _check_order(model, joint_names)
+        _check_model(model, moving, is_ordered=joint_names is not None)
     except DescriptionError as error:
         raise DescriptionError(f'{source}: {error}') from None
     model.gravity.linear = _gravity(gravity_in_base)
@@ -325,7 +324,7 @@ def _free_unlimited(model: Any, document: UrdfDocument) -> None:
             model.effortLimit[index] = np.inf
 
 
-def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
+def _check_model(model: Any, moving: list[UrdfJoint], is_ordered: bool) -> None:
     names = list(model.names[1:])
     for index in range(1, model.njoints):
         if model.parents[index] != index - 1:
@@ -339,6 +338,10 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
             f'joints {requested} do not form one chain from the base: the joints of the chain are '
             f'{names}'
         )
+    if is_ordered and requested != names:
+        raise DescriptionError(
+            f'joint_names must be in the order from base to tool: {", ".join(names)}'
+        )
     children = {joint.name: joint.child for joint in moving}
     for index, name in enumerate(names, start=1):
         if model.inertias[index].mass <= 0.0:
@@ -346,16 +349,6 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
                 f'link {children[name]} (moved by joint {name}) has no mass: give it an '
                 '<inertial>, or lock the joint'
             )
-
-
-def _check_order(model: Any, joint_names: Sequence[str] | None) -> None:
-    """Check that the joint names are in the order of the chain, from base to tool."""
-    names = list(model.names[1:])
-    requested = [name for name in joint_names or names if name in names]
-    if requested != names:
-        raise DescriptionError(
-            f'joint_names must be in the order from base to tool: {", ".join(names)}'
-        )
 
 
 def _gravity(gravity_in_base: npt.ArrayLike) -> Array:

@@ -295,18 +295,19 @@ def _check_inertial(link: ET.Element) -> None:
     if inertial is None:
         return
     owner = f'link {link.get("name")}, <inertial>'
-    for tag, keys in (('mass', ('value',)), ('inertia', ('ixx', 'iyy', 'izz'))):
+    for tag, needed, optional in (
+        ('mass', ('value',), ()),
+        ('inertia', ('ixx', 'iyy', 'izz'), ('ixy', 'ixz', 'iyz')),
+    ):
         element = inertial.find(tag)
         if element is None:
             raise DescriptionError(f'{owner} has no <{tag}>')
-        for key in keys:
+        for key in needed:
             if element.get(key) is None:
                 raise DescriptionError(f'{owner}, <{tag}> has no {key}')
-    inertia = inertial.find('inertia')
-    for key in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'):
-        _number(inertia, key, owner)
-    if _number(inertial.find('mass'), 'value', owner) < 0.0:
-        raise DescriptionError(f'{owner}: the mass is negative')
+        values = [_number(element, key, owner) for key in (*needed, *optional)]
+        if tag == 'mass' and values[0] < 0.0:
+            raise DescriptionError(f'{owner}: the mass is negative')
 
 
 def _check_unique(kind: str, names: list[str]) -> None:

@@ -85,12 +85,6 @@ def _ground(robot: Robot, height: float) -> pin.GeometryObject:
     return pin.GeometryObject(GROUND, 0, 0, pin.SE3.Identity(), plane)
 
 
-def touches_ground(geometry: pin.GeometryModel, pair: pin.CollisionPair) -> bool:
-    """Return whether one shape of a collision pair is the ground."""
-    shapes = geometry.geometryObjects
-    return GROUND in (shapes[pair.first].name, shapes[pair.second].name)
-
-
 def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
     """Return the name of the link to which a shape belongs; 'ground' for the ground."""
     found = geometry.geometryObjects[shape]
@@ -235,9 +229,9 @@ class CollisionPairs:
 
     def _required(self, pair: pin.CollisionPair, distance: Array) -> float | None:
         """Return the required distance of a pair [m]; None if the pair is not checked."""
-        wanted = self._clearance[touches_ground(self._geometry, pair)]
+        wanted = self._clearance[GROUND in self.names(pair)]
         nearest, farthest = float(distance.min()), float(distance.max())
-        if frozenset(self._names(pair)) in self._unchecked:
+        if frozenset(self.names(pair)) in self._unchecked:
             self._note(pair, 'not checked, because the pair is in unchecked_pairs')
             return None
         if farthest - nearest < _CONSTANT and nearest >= 0.0:
@@ -246,7 +240,7 @@ class CollisionPairs:
                     pair, f'not checked, because the distance is {nearest:.3g} m in every posture'
                 )
             return None
-        if farthest < 0.0 and set(self._names(pair)) == {self._base, self._robot.link_names[0]}:
+        if farthest < 0.0 and set(self.names(pair)) == {self._base, self._robot.link_names[0]}:
             self._note(
                 pair,
                 'not checked, because joint 1 connects both links, and they overlap in every '
@@ -266,33 +260,30 @@ class CollisionPairs:
         return wanted
 
     def _raise_too_close(self, pair: pin.CollisionPair, farthest: float, wanted: float) -> None:
-        subject = ' to '.join(self._names(pair))
-        found = (
-            'overlaps in every posture'
-            if farthest < 0.0
-            else f'has a distance of at most {farthest:.3g} m, less than the required {wanted:g} m'
-        )
         remedy = (
             'ground_height and ground_clearance'
-            if touches_ground(self._geometry, pair)
+            if GROUND in self.names(pair)
             else 'sizes and origins of the collision shapes, and self_clearance'
         )
         raise ExcitationError(
-            f'{subject} {found}: check {remedy}. If the links touch by construction, add the '
-            'pair to unchecked_pairs of the excitation configuration'
+            f'{" to ".join(self.names(pair))} has a distance of at most {max(farthest, 0.0):.3g} '
+            f'm in every posture, less than the required {wanted:g} m: check {remedy}. If the '
+            'links touch by construction, add the pair to unchecked_pairs of the excitation '
+            'configuration'
         )
 
     def _both_of_the_arm(self, pair: pin.CollisionPair) -> bool:
         """Return whether both shapes belong to links of the arm; False for base and link 1."""
         shapes = [self._geometry.geometryObjects[i] for i in (pair.first, pair.second)]
         low, high = sorted(shape.parentJoint for shape in shapes)
-        return low > 0 or (self._base in self._names(pair) and high > 1)
+        return low > 0 or (self._base in self.names(pair) and high > 1)
 
-    def _names(self, pair: pin.CollisionPair) -> tuple[str, str]:
+    def names(self, pair: pin.CollisionPair) -> tuple[str, str]:
+        """Return the names of both links of a pair; 'ground' for the ground."""
         return self._links[pair.first], self._links[pair.second]
 
     def _note(self, pair: pin.CollisionPair, text: str) -> None:
-        self.notes[f'{" to ".join(self._names(pair))}: {text}'] = None
+        self.notes[f'{" to ".join(self.names(pair))}: {text}'] = None
 
     def _replace_pairs(self, pairs: Sequence[pin.CollisionPair]) -> None:
         self._geometry.removeAllCollisionPairs()
@@ -385,24 +376,14 @@ class ClearanceChecker:
         self._bounds = motion_bounds(self._model, self._geometry)
         self.steepest: Array = self._bounds.max(axis=0)
         """Upper bounds (n,) [m/rad] of the distance change per joint angle, over all pairs."""
-        ground = np.array(
-            [touches_ground(self._geometry, pair) for pair in self._geometry.collisionPairs],
-            dtype=bool,
-        )
+        self.pairs = tuple(map(selected.names, self._geometry.collisionPairs))
+        """Names of the two links of each checked pair; 'ground' for the ground."""
+        ground = np.array([GROUND in pair for pair in self.pairs], dtype=bool)
         self._kinds = {
             kind: np.flatnonzero(mask)
             for kind, mask in (('self', ~ground), ('ground', ground))
             if mask.any()
         }
-
-    @property
-    def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Names of the two links of each checked pair; 'ground' for the ground."""
-        model, geometry = self._model, self._geometry
-        return tuple(
-            (link_of(model, geometry, pair.first), link_of(model, geometry, pair.second))
-            for pair in geometry.collisionPairs
-        )
 
     def distances(self, q: Array) -> Array:
         """Return the distance of each pair (pairs,) [m] at q (n,) [rad]; negative for overlap."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import scipy
@@ -16,7 +15,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 # random states of the numerical rank, several times the number of columns per joint
 _STATES = 400
-_SHARPNESS = 20.0  # of the penalty of a bounded criterion
+_SHARPNESS = 20.0  # of the penalty of the condition number
 
 
 class SmoothRegressor:
@@ -125,14 +124,6 @@ class IdentifiableSpace:
         return cls(rows[:rank].T, np.sort(pivots[:rank]))
 
 
-class DesignCriterion(Protocol):
-    """Design criterion to minimize."""
-
-    def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the criterion for one period, and its derivative by the regressor (M, n, p)."""
-        ...
-
-
 def information_gradient(stacked: Array, by_information: Array) -> Array:
     """Return the derivative of a criterion by the regressor, from that by the information matrix.
 
@@ -150,32 +141,6 @@ def information(stacked: Array) -> Array:
     return np.asarray(rows.T @ rows / len(stacked))
 
 
-class BothCriterion:
-    """Criterion plus twice a smooth penalty for values of another criterion above a limit.
-
-    The penalty log(1 + exp(s (value - limit))) / s, with s = 20, is almost zero below the limit and
-    rises with slope one above the limit.
-
-    Parameters
-    ----------
-    criterion : criterion to minimize.
-    bounded : criterion to keep below the limit.
-    limit : value of the bounded criterion above which the penalty acts.
-    """
-
-    def __init__(self, criterion: DesignCriterion, bounded: DesignCriterion, limit: float) -> None:
-        self._criterion, self._bounded, self._limit = criterion, bounded, limit
-
-    def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the sum and its derivative by the regressor."""
-        value, gradient = self._criterion.evaluate(stacked)
-        other, other_gradient = self._bounded.evaluate(stacked)
-        excess = _SHARPNESS * (other - self._limit)
-        slope = float(np.exp(-np.logaddexp(0.0, -excess)))
-        penalty = float(np.logaddexp(0.0, excess)) / _SHARPNESS
-        return value + 2.0 * penalty, gradient + 2.0 * (slope * other_gradient)
-
-
 class ConditionCriterion:
     """Log condition number, thesis (5.2): log(sigma_max / sigma_min) of non-zero singular values.
 
@@ -187,63 +152,26 @@ class ConditionCriterion:
     ----------
     space : identifiable space of the columns.
     columns : columns of the regressor to include.
-    scaled : whether to divide each base column by its norm; False uses the unscaled columns of
-        (5.2). Gautier and Khalil (1992) scale the columns by prior parameters instead.
     sharpness : parameter rho.
     """
 
-    def __init__(
-        self,
-        space: IdentifiableSpace,
-        columns: slice,
-        scaled: bool = False,
-        sharpness: float = 12.0,
-    ) -> None:
-        self._space = space
+    def __init__(self, space: IdentifiableSpace, columns: slice, sharpness: float = 12.0) -> None:
+        self._basis = space.basis
         self._columns = columns
-        self._scaled = scaled
         self._sharpness = sharpness
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
         """Return the log condition number and its derivative by the regressor."""
-        chosen = stacked[:, :, self._columns]
-        value, by_information = (self._of_scaled if self._scaled else self._of_plain)(chosen)
+        chosen, basis = stacked[:, :, self._columns], self._basis
+        value, derivative = self._soft_condition(basis.T @ information(chosen) @ basis)
         gradient = np.zeros_like(stacked)
-        gradient[:, :, self._columns] = information_gradient(chosen, by_information)
+        gradient[:, :, self._columns] = information_gradient(chosen, basis @ derivative @ basis.T)
         return value, gradient
 
     def condition_number(self, stacked: Array) -> float:
         """Return the exact condition number sigma_max / sigma_min, without smoothing."""
         chosen = stacked[:, :, self._columns]
-        if self._scaled:
-            matrix = self._correlation(information(chosen))[0]
-        else:
-            matrix = self._space.basis.T @ information(chosen) @ self._space.basis
-        eigenvalues = np.linalg.eigvalsh(matrix)
-        return float(np.sqrt(eigenvalues[-1] / max(eigenvalues[0], np.finfo(float).tiny)))
-
-    def _of_plain(self, chosen: Array) -> tuple[float, Array]:
-        basis = self._space.basis
-        value, derivative = self._soft_condition(basis.T @ information(chosen) @ basis)
-        return value, basis @ derivative @ basis.T
-
-    def _of_scaled(self, chosen: Array) -> tuple[float, Array]:
-        matrix = information(chosen)
-        correlation, norms = self._correlation(matrix)
-        value, derivative = self._soft_condition(correlation)
-        # Derivative through C = D^-1 A D^-1 with D^2 = diag(A).
-        inner = derivative / np.outer(norms, norms)
-        inner -= np.diag((derivative * correlation).sum(axis=1) / norms**2)
-        base = self._space.base_columns
-        result = np.zeros_like(matrix)
-        result[np.ix_(base, base)] = inner
-        return value, result
-
-    def _correlation(self, matrix: Array) -> tuple[Array, Array]:
-        base = self._space.base_columns
-        part = matrix[np.ix_(base, base)]
-        norms = np.sqrt(np.diag(part))
-        return part / np.outer(norms, norms), norms
+        return _condition_number(self._basis.T @ information(chosen) @ self._basis)
 
     def _soft_condition(self, matrix: Array) -> tuple[float, Array]:
         """Return a smooth approximation of the log condition number, and the derivative."""
@@ -259,6 +187,22 @@ class ConditionCriterion:
             / eigenvalues
         )
         return float(value), np.asarray((vectors * weights) @ vectors.T)
+
+
+def scaled_condition_number(space: IdentifiableSpace, stacked: Array) -> float:
+    """Return the condition number of the base columns of a regressor, each with a norm of one.
+
+    Gautier and Khalil (1992) scale the columns by prior parameters instead.
+    """
+    matrix = information(stacked[:, :, space.base_columns])
+    norms = np.sqrt(np.diag(matrix))
+    return _condition_number(matrix / np.outer(norms, norms))
+
+
+def _condition_number(matrix: Array) -> float:
+    """Return the condition number of a regressor with this information matrix."""
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return float(np.sqrt(eigenvalues[-1] / max(eigenvalues[0], np.finfo(float).tiny)))
 
 
 class InformationCriterion:
@@ -289,3 +233,31 @@ class InformationCriterion:
         by_information = -0.5 / rank * self._basis @ np.linalg.inv(matrix) @ self._basis.T
         gradient = information_gradient(weighted, by_information) / self._noise[:, np.newaxis]
         return float(-0.5 * log_determinant / rank), gradient
+
+
+class DesignCriterion:
+    """D-optimality plus twice a smooth penalty for condition numbers (5.2) above a limit.
+
+    The penalty log(1 + exp(s (value - limit))) / s, with s = 20, is almost zero below the limit and
+    rises with slope one above the limit.
+
+    Parameters
+    ----------
+    information, condition : criterion to minimize, and log condition number to keep below the
+        limit.
+    limit : log condition number above which the penalty acts.
+    """
+
+    def __init__(
+        self, information: InformationCriterion, condition: ConditionCriterion, limit: float
+    ) -> None:
+        self._information, self._condition, self._limit = information, condition, limit
+
+    def evaluate(self, stacked: Array) -> tuple[float, Array]:
+        """Return the criterion for one period, and its derivative by the regressor (M, n, p)."""
+        value, gradient = self._information.evaluate(stacked)
+        other, other_gradient = self._condition.evaluate(stacked)
+        excess = _SHARPNESS * (other - self._limit)
+        slope = float(np.exp(-np.logaddexp(0.0, -excess)))
+        penalty = float(np.logaddexp(0.0, excess)) / _SHARPNESS
+        return value + 2.0 * penalty, gradient + 2.0 * (slope * other_gradient)

@@ -180,7 +180,6 @@ def designed_file(
     """Return the trajectory file of a design, with `periods` as the number of periods to play."""
     quality = result.quality
     made_with: dict[str, Any] = {
-        'objective': specification.objective,
         'seed': specification.seed,
         'start': result.start,
         'condition_number': round(quality.condition_number, 3),

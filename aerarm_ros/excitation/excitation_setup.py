@@ -30,7 +30,6 @@ from aerarm_ros.excitation.settings import (
     InfeasibleError,
     MotionLimits,
     NothingDrawnError,
-    one_per_joint,
 )
 from aerarm_ros.excitation.trajectory import (
     FourierTrajectory,
@@ -319,30 +318,22 @@ class ExcitationSetup:
         config: ExcitationConfig,
         package_directories: Sequence[Path] = (),
         acceleration_limit: ArrayLike = np.inf,
-        current_limit: ArrayLike = np.inf,
-        torque_per_ampere: ArrayLike = np.inf,
     ) -> ExcitationSetup:
         """Return the setup of any arm, with limits from its URDF and without rotor inertia.
 
         Parameters
         ----------
         robot, config, package_directories : see the class.
-        acceleration_limit, current_limit : limits missing in a URDF, see `MotionLimits`.
-        torque_per_ampere : joint torque per motor current [Nm/A], one for all joints or (n,).
+        acceleration_limit : largest acceleration [rad/s^2], one for all joints or (n,).
 
         Raises
         ------
         ExcitationError
-            If the number of values is neither one nor n, a value is not positive, or current is
-            limited but the torque per current is unknown.
+            If the number of values is neither one nor n, or a value is not positive.
         """
-        limits = MotionLimits.of_robot(robot, acceleration_limit, current_limit)
-        per_ampere = one_per_joint('torque per ampere', torque_per_ampere, robot.n)
-        if not (per_ampere > 0.0).all():
-            raise ExcitationError(f'torque per ampere must be positive, got {per_ampere.min()}')
-        if np.isfinite(limits.current).any() and not np.isfinite(per_ampere).all():
-            raise ExcitationError('a current limit needs the torque per ampere of each joint')
-        return cls(robot, config, limits, np.zeros(robot.n), per_ampere, tuple(package_directories))
+        limits = MotionLimits.of_robot(robot, acceleration_limit)
+        folders, unknown = tuple(package_directories), np.full(robot.n, np.inf)
+        return cls(robot, config, limits, np.zeros(robot.n), unknown, folders)
 
     @cached_property
     def usable_limits(self) -> MotionLimits:

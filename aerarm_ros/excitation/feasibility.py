@@ -24,8 +24,8 @@ class EffortModel:
     Parameters
     ----------
     robot : arm with prior inertial parameters and friction.
-    rotor_inertia : (n,) inertia reflected to the joints [kg m^2], None for zero.
-    torque_per_ampere : (n,) joint torque per motor current [Nm/A]; None if unknown.
+    rotor_inertia : (n,) or scalar, inertia reflected to the joints [kg m^2].
+    torque_per_ampere : (n,) or scalar, joint torque per motor current [Nm/A]; infinite if unknown.
     load_friction : dry friction per torque transmitted by the gear [-]; None uses the value of
         `robot`.
     """
@@ -33,21 +33,17 @@ class EffortModel:
     def __init__(
         self,
         robot: Robot,
-        rotor_inertia: Array | None = None,
-        torque_per_ampere: Array | None = None,
+        rotor_inertia: ArrayLike = 0.0,
+        torque_per_ampere: ArrayLike = np.inf,
         load_friction: ArrayLike | None = None,
     ) -> None:
         self._n = robot.n
-        self._dynamics = Dynamics(
-            robot, np.zeros(robot.n) if rotor_inertia is None else rotor_inertia
-        )
+        self._dynamics = Dynamics(robot, np.broadcast_to(rotor_inertia, robot.n))
         self._viscous, self._coulomb = robot.viscous, robot.coulomb
         self._load_friction = np.asarray(
             robot.load_friction if load_friction is None else load_friction
         )
-        self._torque_per_ampere = (
-            np.full(robot.n, np.inf) if torque_per_ampere is None else torque_per_ampere
-        )
+        self._torque_per_ampere: Array = np.asarray(torque_per_ampere, dtype=float)
 
     def carry(self, payload: ArrayLike) -> None:
         """Add a payload to the last link of the model, see `Dynamics.carry`."""
@@ -66,11 +62,11 @@ class EffortModel:
 
     def current(self, effort: Array) -> Array:
         """Return the motor currents [A] that produce joint torques [Nm], thesis (4.2) and (4.7)."""
-        return effort / self._torque_per_ampere
+        return np.asarray(effort / self._torque_per_ampere)
 
     def torque(self, current: Array) -> Array:
         """Return the joint torques [Nm] that motor currents [A] produce, without gear friction."""
-        return current * self._torque_per_ampere
+        return np.asarray(current * self._torque_per_ampere)
 
 
 @dataclass(frozen=True)
@@ -82,20 +78,31 @@ class LimitMargin:
     limit : name of the limit, for example 'velocity' or 'ground clearance'.
     subject : joint or pair of links.
     reached, allowed : extreme value during the motion, and its limit, in `unit`.
-    margin : distance to the limit in `unit`, negative if violated.
-    relative : margin as a fraction of the allowed value, to compare different limits.
-    unit : unit of all values except `relative`.
+    unit : unit of `reached`, `allowed`, `margin` and `scale`.
     time : time of the extreme value [s].
+    scale : margin that counts as 1, to compare different limits.
+    is_lower : whether `allowed` is the smallest allowed value instead of the largest.
     """
 
     limit: str
     subject: str
     reached: float
     allowed: float
-    margin: float
-    relative: float
     unit: str
     time: float
+    scale: float
+    is_lower: bool = False
+
+    @property
+    def margin(self) -> float:
+        """Distance to the limit in `unit`, negative if violated."""
+        rest = self.allowed - self.reached
+        return -rest if self.is_lower else rest
+
+    @property
+    def relative(self) -> float:
+        """Margin as a fraction of `scale`."""
+        return self.margin / self.scale
 
     def __str__(self) -> str:
         return (
@@ -117,18 +124,13 @@ def peak_margins(
     values : (M, n) values to check.
     allowed : (n,) positive limits.
     """
-    margins = []
-    for j, name in enumerate(names):
-        if np.isfinite(allowed[j]):
-            sample = int(np.abs(values[:, j]).argmax())
-            reached, bound = float(abs(values[sample, j])), float(allowed[j])
-            rest = bound - reached
-            margins.append(
-                LimitMargin(
-                    limit, name, reached, bound, rest, rest / bound, unit, float(times[sample])
-                )
-            )
-    return margins
+    size = np.abs(values)
+    peaks = zip(names, allowed.tolist(), size.argmax(axis=0), size.T, strict=True)
+    return [
+        LimitMargin(limit, name, float(own[k]), bound, unit, float(times[k]), bound)
+        for name, bound, k, own in peaks
+        if np.isfinite(bound)
+    ]
 
 
 @dataclass(frozen=True)
@@ -340,10 +342,8 @@ class FeasibilityChecker:
         `ramp_time` [s] as in `RampedExcitation`.
         """
         reached, allowed = trajectory.highest_frequency, self.highest_frequency
-        harmonic = LimitMargin(
-            'frequency', 'highest harmonic', reached, allowed, allowed - reached,
-            1.0 - reached / allowed, 'Hz', 0.0,
-        )  # fmt: skip
+        what = ('frequency', 'highest harmonic')
+        harmonic = LimitMargin(*what, reached, allowed, 'Hz', 0.0, allowed)
         if stop_early and not FeasibilityReport([harmonic]).feasible:
             return FeasibilityReport([harmonic])
         report = self.check(RampedExcitation(trajectory, 1, ramp_time), stop_early)
@@ -391,41 +391,20 @@ class FeasibilityChecker:
 
     def _position_margins(self, times: Array, position: Array) -> list[LimitMargin]:
         low, high = self.limits.position_min, self.limits.position_max
-        margins = []
-        for j, name in enumerate(self.limits.joint_names):
-            at_low, at_high = int(position[:, j].argmin()), int(position[:, j].argmax())
-            for sample, bound, sign in ((at_low, low[j], 1.0), (at_high, high[j], -1.0)):
-                if np.isfinite(bound):
-                    reached = float(position[sample, j])
-                    margin = sign * (reached - float(bound))
-                    # Position margins are relative to half the range, the largest possible margin.
-                    half = 0.5 * float(min(high[j] - low[j], 2.0 * np.pi))
-                    margins.append(
-                        LimitMargin(
-                            'position',
-                            name,
-                            reached,
-                            float(bound),
-                            margin,
-                            margin / half,
-                            'rad',
-                            float(times[sample]),
-                        )
-                    )
-        return margins
+        # Position margins are relative to half the range, the largest possible margin.
+        half = 0.5 * np.minimum(high - low, 2.0 * np.pi)
+        ends = (position.argmin(axis=0), low, True), (position.argmax(axis=0), high, False)
+        return [
+            LimitMargin('position', name, float(position[k[j], j]), float(bound[j]), 'rad',
+                        float(times[k[j]]), float(half[j]), is_lower)
+            for j, name in enumerate(self.limits.joint_names)
+            for k, bound, is_lower in ends
+            if np.isfinite(bound[j])
+        ]  # fmt: skip
 
 
 def _clearance_margin(kind: str, found: Clearance, times: Array) -> LimitMargin:
-    margin = found.guaranteed - found.required
     # Clearance margins are relative to 0.1 m, a distance at which an arm of this size counts as
     # free.
-    return LimitMargin(
-        f'{kind} clearance',
-        found.subject,
-        found.guaranteed,
-        found.required,
-        margin,
-        margin / 0.1,
-        'm',
-        float(times[found.sample]),
-    )
+    time, bounds = float(times[found.sample]), (found.guaranteed, found.required)
+    return LimitMargin(f'{kind} clearance', found.subject, *bounds, 'm', time, 0.1, is_lower=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import Protocol
 
 import numpy as np
 
@@ -13,14 +12,6 @@ from aerarm_ros.excitation.trajectory import MotionSequence
 from aerarm_ros.motion.path_stop import PathTime, stop_along
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointCommand, JointReference
-
-
-class CommandLaw(Protocol):
-    """Control law that maps a reference to a command (interface)."""
-
-    def command(self, reference: JointReference, position: Array) -> JointCommand:
-        """Return the command for `reference` at the measured `position` (n,) [rad]."""
-        ...
 
 
 class FeedForwardLaw:
@@ -63,6 +54,10 @@ class VelocityLaw:
         # Not np.clip, which would dominate the time of this 1 kHz call.
         velocity = np.minimum(reference.dq + correction, self._limit)
         return JointCommand(dq=np.maximum(velocity, -self._limit))
+
+
+CommandLaw = FeedForwardLaw | VelocityLaw
+"""Control law that maps a reference and the measured position to a command."""
 
 
 class PlayState(Enum):

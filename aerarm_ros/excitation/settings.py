@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerarm_ros.description.arm_config import ArmConfig
-from aerarm_ros.description.config_reader import ConfigError, build, check_range, load
+from aerarm_ros.description.config_reader import ConfigError, build, check_fields, load, ranged
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
@@ -117,16 +117,13 @@ class MotionLimits:
         )
 
     @classmethod
-    def of_robot(
-        cls, robot: Robot, acceleration_limit: ArrayLike = np.inf, current_limit: ArrayLike = np.inf
-    ) -> MotionLimits:
-        """Return the motion limits of a URDF, with the given acceleration and current limits.
+    def of_robot(cls, robot: Robot, acceleration_limit: ArrayLike = np.inf) -> MotionLimits:
+        """Return the motion limits of a URDF, with the given acceleration limit.
 
         Parameters
         ----------
         robot : robot model with the URDF's limits.
         acceleration_limit : largest acceleration [rad/s^2], one for all joints or (n,).
-        current_limit : largest motor current [A], one for all joints or (n,).
 
         Raises
         ------
@@ -142,7 +139,7 @@ class MotionLimits:
             one_per_joint('acceleration limit', acceleration_limit, robot.n),
             # A URDF contains 0 for an unknown effort limit.
             np.where(robot.effort_max > 0.0, robot.effort_max, unlimited),
-            one_per_joint('current limit', current_limit, robot.n),
+            unlimited,
         )
 
     def scaled(self, position: float, velocity: float, effort: float) -> MotionLimits:
@@ -197,30 +194,22 @@ class ExcitationConfig:
         If a value is out of range.
     """
 
-    position_share: float = 0.95
-    velocity_share: float = 0.9
-    effort_share: float = 0.8
-    transfer_share: float = 0.3
-    self_clearance: float = 0.02
-    ground_clearance: float = 0.03
-    ground_height: float | None = 0.0
+    position_share: float = ranged(0.01, 1.0, default=0.95)
+    velocity_share: float = ranged(0.01, 1.0, default=0.9)
+    effort_share: float = ranged(0.01, 1.0, default=0.8)
+    transfer_share: float = ranged(0.01, 1.0, default=0.3)
+    self_clearance: float = ranged(0.0, 1.0, 'm', default=0.02)
+    ground_clearance: float = ranged(0.0, 1.0, 'm', default=0.03)
+    ground_height: float | None = ranged(-100.0, 100.0, 'm', default=0.0)
     bias: tuple[float, ...] | None = None
-    bias_spread: float = 0.1
-    highest_frequency: float = 2.0
-    ramp_time: float = 2.0
+    bias_spread: float = ranged(0.0, np.pi, 'rad', default=0.1)
+    highest_frequency: float = ranged(1e-3, 499.0, 'Hz', default=2.0)
+    ramp_time: float = ranged(0.1, 60.0, 's', default=2.0)
     unchecked_pairs: tuple[str, ...] = ()
     check_clearance: bool = True
 
     def __post_init__(self) -> None:
-        for key in ('position_share', 'velocity_share', 'effort_share', 'transfer_share'):
-            check_range('excitation', key, getattr(self, key), 0.01, 1.0, '')
-        for key in ('self_clearance', 'ground_clearance'):
-            check_range('excitation', key, getattr(self, key), 0.0, 1.0, 'm')
-        check_range('excitation', 'bias_spread', self.bias_spread, 0.0, np.pi, 'rad')
-        check_range('excitation', 'highest_frequency', self.highest_frequency, 1e-3, 499.0, 'Hz')
-        check_range('excitation', 'ramp_time', self.ramp_time, 0.1, 60.0, 's')
-        if self.ground_height is not None:
-            check_range('excitation', 'ground_height', self.ground_height, -100.0, 100.0, 'm')
+        check_fields('excitation', self)
         pairs = self.unchecked_pairs
         if not isinstance(pairs, list | tuple) or not all(isinstance(pair, str) for pair in pairs):
             raise ConfigError("excitation: unchecked_pairs must be a list of 'one to other'")

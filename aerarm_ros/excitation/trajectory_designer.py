@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import exp, log
 
 import numpy as np
 import scipy
 
 from aerarm_ros.excitation.criteria import (
-    BothCriterion,
     ConditionCriterion,
     DesignCriterion,
     IdentifiableSpace,
     InformationCriterion,
     SmoothRegressor,
+    scaled_condition_number,
 )
 from aerarm_ros.excitation.design_problem import (
     DesignConstraints,
@@ -82,30 +82,21 @@ class DesignResult:
     remark: str = ''
 
 
-THESIS, SCALED, INFORMATION, BOTH = 'thesis', 'condition', 'd_optimal', 'both'
-OBJECTIVES = {
-    BOTH: 'd_optimal with an upper limit of the condition number, thesis (5.2)',
-    INFORMATION: 'volume of the confidence ellipsoid under torque noise (D-optimality)',
-    SCALED: 'condition number of the base regressor with normalised columns',
-    THESIS: 'condition number of the regressor without rotor columns, thesis (5.2)',
-}
-
-
 @dataclass(frozen=True, eq=False)
 class DesignSpecification:
     """Specification of a trajectory design: arm, family of trajectories, and objective.
+
+    The objective is D-optimality under torque noise of 1 % of each joint's effort limit, with an
+    upper bound of the condition number (`DesignCriterion`).
 
     Parameters
     ----------
     setup : arm with limits and surroundings.
     fundamental : frequency f0 [Hz].
     harmonics : number of harmonics N.
-    objective : key of `OBJECTIVES`.
-    condition_limit : upper bound that the objective `both` imposes on a smooth approximation of the
-        condition number (5.2); the exact number is about a tenth lower.
+    condition_limit : upper bound of a smooth approximation of the condition number (5.2); the
+        exact number is about a tenth lower.
     amplitude : largest coefficient of the random initial trajectories [rad].
-    noise : (n,) standard deviation of the torque measurement [Nm]; None means 1 % of each joint's
-        effort limit.
     seed : seed of the random initial trajectories.
 
     Raises
@@ -119,17 +110,11 @@ class DesignSpecification:
     setup: ExcitationSetup
     fundamental: float = 0.1
     harmonics: int = 5
-    objective: str = BOTH
     condition_limit: float = 26.0
     amplitude: float = 0.35
-    noise: Array | None = field(default=None)
     seed: int = 1
 
     def __post_init__(self) -> None:
-        if self.objective not in OBJECTIVES:
-            raise ExcitationError(
-                f'objective {self.objective!r} is unknown: choose one of {", ".join(OBJECTIVES)}'
-            )
         if not self.condition_limit > 1.0:
             raise ExcitationError(f'condition limit must exceed 1, got {self.condition_limit}')
         if self.seed < 0:
@@ -155,37 +140,20 @@ class DesignSpecification:
 
     def torque_noise(self) -> Array:
         """Return the standard deviation of each joint's torque measurement [Nm], (n,)."""
-        if self.noise is not None:
-            return self.noise
         effort = self.setup.limits.effort
         return np.where(np.isfinite(effort), 0.01 * effort, 0.1)
 
     def betters(self, found: Quality, other: Quality) -> bool:
         """Return whether the trajectory `found` is better than `other`.
 
-        A better trajectory has a smaller objective. For the objective `both`, it must also have
-        no larger standard deviations, and a larger condition number only if that stays below its
-        limit.
+        A better trajectory has a smaller objective, no larger standard deviations, and a larger
+        condition number only if that stays below its limit.
         """
-        if not found.objective < other.objective:
-            return False
-        allowed = max(other.condition_number, self.condition_limit)
-        return self.objective != BOTH or (
-            found.log_deviation <= other.log_deviation and found.condition_number <= allowed
+        return (
+            found.objective < other.objective
+            and found.log_deviation <= other.log_deviation
+            and found.condition_number <= max(other.condition_number, self.condition_limit)
         )
-
-    def criterion(
-        self,
-        thesis: ConditionCriterion,
-        scaled: ConditionCriterion,
-        optimality: InformationCriterion,
-    ) -> DesignCriterion:
-        """Return the criterion to minimize for the specified objective."""
-        if self.objective == BOTH:
-            return BothCriterion(optimality, thesis, log(self.condition_limit))
-        if self.objective == INFORMATION:
-            return optimality
-        return scaled if self.objective == SCALED else thesis
 
 
 # Exit modes of SLSQP.
@@ -229,14 +197,13 @@ class TrajectoryDesigner:
         self._regressor = SmoothRegressor(setup.robot)
         # Reported figures use the exact sign of the velocity, and a fine sampling rate.
         self._exact_regressor = SmoothRegressor(setup.robot, width=1e-9)
-        everything = slice(None)
         thesis_columns = self._regressor.thesis_columns
-        space = IdentifiableSpace.of_regressor(setup.robot, self._regressor, everything)
+        self._space = IdentifiableSpace.of_regressor(setup.robot, self._regressor, slice(None))
         thesis_space = IdentifiableSpace.of_regressor(setup.robot, self._regressor, thesis_columns)
         self._thesis = ConditionCriterion(thesis_space, thesis_columns)
-        self._scaled = ConditionCriterion(space, everything, scaled=True)
-        self._optimality = InformationCriterion(space, specification.torque_noise())
-        self._criterion = specification.criterion(self._thesis, self._scaled, self._optimality)
+        self._optimality = InformationCriterion(self._space, specification.torque_noise())
+        limit = log(specification.condition_limit)
+        self._criterion = DesignCriterion(self._optimality, self._thesis, limit)
         self._problem = self._build_problem()
         self._candidates = setup.random_trajectory(
             specification.amplitude, specification.fundamental, specification.harmonics
@@ -349,7 +316,7 @@ class TrajectoryDesigner:
         return Quality(
             self._criterion.evaluate(stacked)[0],
             self._thesis.condition_number(stacked),
-            self._scaled.condition_number(stacked),
+            scaled_condition_number(self._space, stacked),
             self._optimality.evaluate(stacked)[0],
         )
 

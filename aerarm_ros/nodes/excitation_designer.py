@@ -37,8 +37,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    from aerarm_ros.excitation.trajectory_designer import BOTH, OBJECTIVES
-
     parser = OneLineParser(prog=NAME, description=__doc__.splitlines()[0])
     add = parser.add_argument
     add('--out', type=Path, default=Path('trajectory.yaml'),
@@ -46,15 +44,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add('--overwrite', action='store_true', help='overwrite existing files')
     add('--validation', action='store_true',
         help='also write a slower and a faster random trajectory, for validation')  # fmt: skip
-    objectives = '; '.join(f'{key}: {text}' for key, text in OBJECTIVES.items())
-    add('--objective', choices=list(OBJECTIVES), default=BOTH, help=objectives)
-    add(
-        '--condition-limit',
-        type=float,
-        default=26.0,
-        help=f'largest condition number, equation (5.2) of the thesis, for --objective {BOTH} '
-        '(default: %(default)s)',
-    )
+    add('--condition-limit', type=float, default=26.0,
+        help='largest condition number, equation (5.2) of the thesis (default: '
+             '%(default)s)')  # fmt: skip
     add('--fundamental', type=positive, default=0.1,
         help='fundamental frequency f0 of the trajectory [Hz] (default: %(default)s)')  # fmt: skip
     add('--harmonics', type=int, default=5,
@@ -65,11 +57,6 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add('--amplitude', type=float, default=0.35,
         help='largest Fourier coefficient of the random initial trajectories [rad] (default: '
              '%(default)s)')  # fmt: skip
-    add('--torque-noise', type=float, nargs='+',
-        help=(
-            'standard deviation of the measured torque [Nm], one value or one per joint (default: '
-            '1 %% of the effort limit)'
-        ))  # fmt: skip
     add('--bias', type=float, nargs='+',
         help='joint angles at the centre of the motion [rad], one value per joint')  # fmt: skip
     add('--seed', type=int, default=1,
@@ -88,16 +75,13 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         help='arm configuration with motors and gears (default: the packaged file)')  # fmt: skip
     add('--urdf', type=Path,
         help='URDF of another arm. Without --config, the limits come from this URDF and from '
-             'the limit options below')  # fmt: skip
+             '--acceleration-limit')  # fmt: skip
     add('--locked', nargs='*', default=[],
         help='joints of --urdf that the model treats as fixed, for example fingers')  # fmt: skip
     add('--package-directory', type=Path, action='append', default=[],
         help='folder in which to search for meshes that the URDF names by package:// '
              'addresses')  # fmt: skip
-    for name, what in (
-        ('acceleration-limit', 'largest joint acceleration [rad/s^2]'),
-        ('current-limit', 'largest motor current [A]; needs --torque-per-ampere'),
-        ('torque-per-ampere', 'joint torque per motor current [Nm/A]'),
-    ):
-        add(f'--{name}', type=float, nargs='+', help=f'{what}, one value or one per joint')
+    add('--acceleration-limit', type=float, nargs='+',
+        help='largest joint acceleration [rad/s^2] without --config, one value or one per '
+             'joint')  # fmt: skip
     return parser.parse_args(arguments)

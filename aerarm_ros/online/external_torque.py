@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
@@ -221,33 +220,6 @@ class ExternalTorque:
         friction = np.abs(self._friction.torque(dq, load))
         return Unexplained(self._residual, features, friction, dry)
 
-    def over(
-        self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
-    ) -> Iterator[tuple[float, ArmState, Unexplained]]:
-        """Yield time [s], mean state and unexplained torque of each window of a recording.
-
-        Raises
-        ------
-        IdentificationError
-            If the recording has no velocities.
-        """
-        self.reset()
-        window, last = StateWindow(), float(recording.time[0])
-        for count, (time, state) in enumerate(recorded_states(recording, is_stopped)):
-            dt = time - last if count else float(np.median(np.diff(recording.time)))
-            if dt > LONGEST_GAP:
-                self.reset()
-                window.reset()
-            elif window.has_lost(dt):  # the torque of this time is unknown
-                window.reset()
-                self.rebase(state.q, state.dq, None)
-                last = time
-                continue
-            last = time
-            mean = window.update(state, dt)
-            if mean is not None:
-                yield time, mean.state, self.update(mean)
-
 
 _STATIC = 1.25  # smallest ratio of static friction to friction at low speed
 _ASYNCHRONOUS = 1.25  # of the jerk: torque and velocity of a sample may differ in time
@@ -374,13 +346,33 @@ class ResidualBound:
 
 
 def free_rows(
-    external: ExternalTorque, recording: Recording, is_stopped: Callable[[], bool]
+    external: ExternalTorque, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
 ) -> Iterator[Unexplained]:
-    """Yield the unexplained torque of a contact-free motion, once the observer has settled."""
-    begin = float(recording.time[0]) + _SETTLED / external.gain
-    for time, _, row in external.over(recording, is_stopped):
-        if time > begin:
-            yield row
+    """Yield the unexplained torque of a contact-free motion, once the observer has settled.
+
+    Raises
+    ------
+    IdentificationError
+        If the recording has no velocities.
+    """
+    external.reset()
+    last = float(recording.time[0])
+    begin, window = last + _SETTLED / external.gain, StateWindow()
+    for count, (time, state) in enumerate(recorded_states(recording, is_stopped)):
+        dt = time - last if count else float(np.median(np.diff(recording.time)))
+        last = time
+        if dt > LONGEST_GAP:
+            external.reset()
+            window.reset()
+        elif window.has_lost(dt):  # the torque of this time is unknown
+            window.reset()
+            external.rebase(state.q, state.dq, None)
+            continue
+        mean = window.update(state, dt)
+        if mean is not None:
+            row = external.update(mean)
+            if time > begin:
+                yield row
 
 
 def _noise(residual: Array, speed: Array) -> Array:
@@ -394,6 +386,8 @@ def _noise(residual: Array, speed: Array) -> Array:
 
 def _tightest(size: Array, features: Array) -> Array:
     """Return the coefficients of the bound that has the smallest mean and exceeds all residuals."""
+    from scipy.optimize import linprog  # slow import, needed only to learn a bound
+
     scale = np.maximum(features.max(axis=0), 1e-9)
     least = np.zeros(len(FEATURES))
     least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)

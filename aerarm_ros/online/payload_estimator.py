@@ -1,7 +1,10 @@
 """Online estimation of payload and friction while the arm moves."""
 
+from __future__ import annotations
+
 from collections import deque
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +12,6 @@ import numpy.typing as npt
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import positive
-from aerarm_ros.identification.payload import Payload
 from aerarm_ros.model.inertia import PARAMETER_NAMES
 from aerarm_ros.motion.signals import ArmState, Array
 from aerarm_ros.online.filtered_motion import SLOW, FilteredMotion, MotionRow
@@ -20,6 +22,9 @@ from aerarm_ros.online.information_filter import (
     ball,
     nearest_body,
 )
+
+if TYPE_CHECKING:  # the solvers that this module imports take 0.3 s
+    from aerarm_ros.identification.payload import Payload
 
 FRICTION_NAMES = ('viscous [Nms/rad]', 'Coulomb [Nm]', 'load')
 """Names and units of the three rows of `OnlineEstimate.friction`."""
@@ -251,6 +256,10 @@ class PayloadEstimator:
         settings: EstimatorSettings | None = None,
         torque_noise: npt.ArrayLike | None = None,
     ) -> None:
+        # imported before the first joint state, which must not wait for it
+        from aerarm_ros.identification.payload import Payload
+
+        self._payload = Payload
         self.settings = s = settings or EstimatorSettings()
         self.link = dynamics.robot.link_names[-1]
         self._still = dynamics.still
@@ -488,7 +497,7 @@ class PayloadEstimator:
         spread = self._friction_scale * np.sqrt(np.diag(belief.covariance)[20:])
         self.estimate = OnlineEstimate(
             now,
-            Payload(self.link, body, covariance),
+            self._payload(self.link, body, covariance),
             carries,
             self._since,
             scale,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from measured_arm import LINK, ROBOT, MeasuredArm, own_chain
 
-from aerarm_ros.calibration.calibrate import Calibration, CalibrationOptions, HeldOut, calibrate
+from aerarm_ros.calibration.calibrate import Calibration, calibrate
 from aerarm_ros.calibration.choice import LEVELS, identifiable
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
@@ -27,44 +27,38 @@ def predicted_deviation(fit: Fit, q: Array) -> Array:
 @pytest.fixture(scope='module')
 def calibration() -> Calibration:
     arm = MeasuredArm(1, frames=20)
-    held = HeldOut('held out', arm.observe(arm.postures(20, seed=1)))
-    return calibrate(own_chain(), arm.observe(arm.postures(40)), [held])
+    held = arm.observe(arm.postures(20, seed=1))
+    return calibrate(own_chain(), arm.observe(arm.postures(40)), {'held out': held})
 
 
 def test_held_out_errors_fall_from_some_15_mm_to_less_than_half_a_millimetre(
     calibration: Calibration,
 ) -> None:
-    held = calibration.held_out[0].observations
+    held = calibration.held_out['held out']
     before = calibration.errors(calibration.registration, held)[0]
     after = calibration.errors(calibration.fit, held)[0]
     assert 5e-3 < before < 30e-3
     assert after < 0.2e-3
 
 
-def test_link_geometry_is_chosen_and_insignificant_errors_keep_their_urdf_values(
-    calibration: Calibration,
-) -> None:
+def test_significant_errors_are_chosen_and_the_others_reported(calibration: Calibration) -> None:
     assert calibration.best.name.startswith('geometry')
-    fit = calibration.fit
+    fit, found = calibration.fit, calibration.found
     values = np.abs(fit.errors[list(fit.free)])
     assert (values > 1.4 * fit.deviations[: len(fit.free)]).all()
     zero = np.setdiff1d(np.arange(len(fit.errors)), fit.free)
     assert (fit.errors[zero] == 0.0).all()
     # What cross-validation left out was predicted about as well as what was held out.
     assert calibration.best.position == pytest.approx(
-        calibration.errors(fit, calibration.held_out[0].observations)[0], rel=0.5
+        calibration.errors(fit, calibration.held_out['held out'])[0], rel=0.5
     )
-
-
-def test_every_parameter_is_identified_or_reported_as_absorbed(calibration: Calibration) -> None:
-    found, geometry = calibration.found, calibration.fit.geometry
-    names = [geometry.names[k] for k in found.absorbed]
+    names = [fit.geometry.names[k] for k in found.absorbed]
     # A base frame and markers at unknown places hide the first and the last zero.
     assert 'joint1.offset' in names and 'joint4.offset' in names
     assert not found.hidden
     together = sorted((*found.columns, *found.absorbed))
     kinds = (*LEVELS['geometry'], 'compliance')
-    assert together == sorted(k for kind in kinds for k in geometry.columns(kind))
+    assert together == sorted(k for kind in kinds for k in fit.geometry.columns(kind))
 
 
 def test_two_standard_deviations_cover_predictions_in_20_emulated_arms() -> None:
@@ -107,13 +101,6 @@ def test_two_standard_deviations_cover_every_identifiable_parameter_in_100_trial
     share = np.mean(covered, axis=0)
     assert 0.93 < share.mean() < 0.985
     assert share.min() > 0.88  # of one parameter: 0.954 less three standard errors
-
-
-def test_a_level_limits_the_estimated_parameters(calibration: Calibration) -> None:
-    observations = calibration.observations.rows(range(25))
-    offsets = calibrate(own_chain(), observations, (), CalibrationOptions('offsets'))
-    kinds = {name.rpartition('.')[2] for name in offsets.fit.names[: len(offsets.fit.free)]}
-    assert kinds <= {'offset', 'compliance'}
 
 
 def test_an_outlier_does_not_move_the_estimate(calibration: Calibration) -> None:

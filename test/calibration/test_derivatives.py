@@ -88,8 +88,3 @@ def test_residuals_have_the_derivatives_that_sources_state(
 def _measured_as_predicted(source: PoseSource, poses: object, state: np.ndarray) -> PoseSource:
     rotation, position = source._predicted(poses, state)  # type: ignore[arg-type]
     return replace(source, rotation=rotation, position=position)
-
-
-def test_a_link_that_no_joint_moves_is_named() -> None:
-    with pytest.raises(ValueError, match='no joint moves link base_link: name the link'):
-        ArmGeometry(load_robot(), 'base_link')

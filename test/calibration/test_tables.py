@@ -26,17 +26,22 @@ def test_joints_by_name_and_numbered_markers(tmp_path: Path) -> None:
     assert 'marker marker1: columns x1, y1, z1 [m]' in found.mapping
 
 
-def test_units_of_columns_are_read(tmp_path: Path) -> None:
-    found = table(tmp_path, 'tip.x [mm],tip.y [mm],tip.z [mm],q_elbow [deg],base_joint',
+def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
+    found = table(tmp_path, 'q2,q1 [deg],x1,y1,z1', '0.2,90,1,2,3')
+    assert found.joints['base_joint'][0] == pytest.approx(np.pi / 2)
+    assert found.joints['elbow'][0] == 0.2
+    assert not found.unused
+
+
+def test_units_of_columns_and_default_units(tmp_path: Path) -> None:
+    found = table(tmp_path, 'tip.x [mm],tip.y [mm],tip.z [mm],q_elbow [degrees],base_joint',
                   '1000,0,-500,90,0')  # fmt: skip
     np.testing.assert_allclose(found.measured['tip'].position[0], [1.0, 0.0, -0.5])
     assert found.joints['elbow'][0] == pytest.approx(np.pi / 2)
-
-
-def test_the_default_unit_applies_to_columns_without_a_unit(tmp_path: Path) -> None:
-    header, row = 'x1,y1,z1,elbow,base_joint', '1,2,3,90,180'
-    found = table(tmp_path, header, row, length_unit='mm', degrees=True)
-    np.testing.assert_allclose(found.measured['marker1'].position[0], [1e-3, 2e-3, 3e-3])
+    header, rows = 'x1,y1,z1,elbow,base_joint', ('1,2,3,90,180', ',,,90,180')
+    found = table(tmp_path, header, *rows, length_unit='mm', degrees=True)
+    measured = [[1e-3, 2e-3, 3e-3], [np.nan] * 3]  # an empty cell: not seen
+    np.testing.assert_allclose(found.measured['marker1'].position, measured)
     assert found.joints['base_joint'][0] == pytest.approx(np.pi)
 
 
@@ -47,18 +52,6 @@ def test_quaternions_and_angles_make_poses(tmp_path: Path) -> None:
         rotation = found.measured[name].rotation
         assert rotation is not None
         np.testing.assert_allclose(rotation[0], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-7)
-
-
-def test_empty_cells_were_not_seen(tmp_path: Path) -> None:
-    found = table(tmp_path, 'x1,y1,z1,elbow', ',,,0.1', '1,2,3,0.2')
-    assert np.isnan(found.measured['marker1'].position[0]).all()
-    assert found.measured['marker1'].position[1].tolist() == [1.0, 2.0, 3.0]
-
-
-def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
-    found = table(tmp_path, 'q1,q2,x1,y1,z1', '0.1,0.2,1,2,3')
-    assert found.joints['base_joint'][0] == 0.1 and found.joints['elbow'][0] == 0.2
-    assert not found.unused
 
 
 @pytest.mark.parametrize(
@@ -85,15 +78,12 @@ def test_an_unreadable_table_raises_one_error(
     assert expected in str(error.value) and '\n' not in str(error.value)
 
 
-def test_a_missing_file_is_an_error_too(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match='check the path'):
-        read_postures(tmp_path / 'none.csv', JOINTS)
-
-
-def test_samples_of_a_motion_are_rejected(tmp_path: Path) -> None:
+def test_missing_files_and_samples_of_a_motion_are_rejected(tmp_path: Path) -> None:
     def rows(interval: float) -> list[str]:
         return [f'{interval * k},{0.001 * k},1,2,3' for k in range(300)]
 
+    with pytest.raises(CalibrationError, match='check the path'):
+        read_postures(tmp_path / 'none.csv', JOINTS)
     with pytest.raises(CalibrationError, match='records a motion'):
         table(tmp_path, 'time [s],elbow,x1,y1,z1', *rows(0.01))
     assert len(table(tmp_path, 'time [s],elbow,x1,y1,z1', *rows(2.0)).joints['elbow']) == 300

@@ -9,9 +9,6 @@ from aerarm_ros.description.arm_config import ArmConfig, DriveTrain, load_arm_co
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.dynamics import Dynamics
 
-# Largest values of the frame's gain fields, at the motor.
-KP_CEILING, KD_CEILING = 5.09, 0.611
-
 
 @pytest.fixture(scope='module')
 def config() -> ArmConfig:
@@ -43,12 +40,6 @@ def test_friction_is_that_of_table_4_3_at_the_joint(config: ArmConfig) -> None:
     assert np.allclose(config.column('viscous'), motor_side / config.column('gear.ratio') ** 2)
 
 
-def test_effort_limits_match_the_torque_of_the_motors(config: ArmConfig) -> None:
-    strongest = config.column('torque_per_ampere') * config.column('motor.current_max')
-    assert np.all(config.column('effort_max') <= strongest)
-    assert np.allclose(config.column('effort_max'), strongest, rtol=0.01)
-
-
 def test_limits_agree_with_the_urdf(config: ArmConfig, robot: Robot) -> None:
     assert config.joint_names == robot.joint_names
     for field in ('position_min', 'position_max', 'velocity_max', 'effort_max'):
@@ -67,15 +58,6 @@ def test_the_arm_can_hold_and_accelerate_itself(config: ArmConfig, robot: Robot)
                 joint = int(np.argmax(np.abs(ddq)))
                 torque = dynamics.inverse(q, np.zeros(4), ddq)[joint]
                 assert abs(torque) < config.column('effort_max')[joint]
-
-
-def test_friction_compensation_may_change_sign_within_a_cycle(config: ArmConfig) -> None:
-    assert np.all(1e-3 * config.column('effort_rate_max') > 2.0 * config.column('coulomb'))
-
-
-def test_board_gains_fit_the_frame(config: ArmConfig) -> None:
-    assert np.all(config.column('board_kp') <= KP_CEILING)
-    assert np.all(config.column('board_kd') <= KD_CEILING)
 
 
 def test_the_velocity_loop_is_damped_in_every_posture(config: ArmConfig, robot: Robot) -> None:

@@ -39,14 +39,6 @@ def test_a_rotor_pushes_where_it_is_and_drags_against_its_turn(tmp_path: Path) -
     np.testing.assert_allclose(drone.allocation[:, 1], expected, atol=1e-12)
 
 
-def test_a_scaled_drone_has_the_given_errors() -> None:
-    drone = load_drone_config()
-    wrong = drone.with_errors(mass=1.2, inertia=0.8)
-    assert wrong.mass == pytest.approx(1.2 * drone.mass)
-    np.testing.assert_allclose(wrong.inertia_matrix, 0.8 * drone.inertia_matrix)
-    assert wrong.rotors == drone.rotors
-
-
 def test_a_heavier_arm_than_the_rotors_lift_is_refused() -> None:
     drone = load_drone_config()
     with pytest.raises(
@@ -64,9 +56,9 @@ def of_all_rotors(key: str, value: object) -> dict[str, object]:
 
 
 WRONG: list[tuple[dict[str, object], str]] = [
-    ({'inertia': [0.045, 0.045, 0.2, 0, 0, 0]}, r'0\.2 kg m\^2; none may be larger'),
+    ({'inertia': [0.045, 0.045, 0.2, 0, 0, 0]}, r'0\.2 kg m\^2; all must be positive'),
     ({'inertia': [4.5, 4.5, 8.0, 0, 0, 0]}, r'moment 8 kg m\^2, but 3 kg within the extent'),
-    ({'inertia': [0.05, 0.05, 0.08, 0.06, 0, 0]}, 'principal moment -'),
+    ({'inertia': [0.05, 0.05, 0.08, 0.06, 0, 0]}, r'principal moments -0\.0'),
     ({'inertia': [0.05, 0.05, 0.0, 0, 0, 0]}, 'must be positive'),
     ({'inertia': [0.05, 0.05, 0.08]}, 'needs ixx, iyy, izz, ixy'),
     ({'inertia': [float('nan'), 0.05, 0.08, 0, 0, 0]}, 'inertia = nan'),
@@ -84,7 +76,7 @@ WRONG: list[tuple[dict[str, object], str]] = [
     ({'size': [0.26, 0.26, 0]}, 'size .* must be positive'),
     ({'rotors': []}, 'rotors must be a non-empty list'),
     ({'rotors': [1]}, r'rotors\[0\] must be a mapping'),
-    ({'rotors.1.name': 'front_left'}, 'rotor front_left is listed twice'),
+    ({'rotors.1.name': 'front_left'}, "rotors: name 'front_left' occurs twice"),
     ({'rotors.0.axis': [0, 0, 2]}, 'rotor front_left: axis has length 2 instead of 1'),
     ({'rotors.0.thrust_max': 0}, 'thrust_max = 0'),
     ({'rotors.0.thrust_min': 30}, 'thrust_min = 30.0 must be below'),

@@ -35,60 +35,41 @@ def installed(prefix: Path, *, share: bool) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, cwd=prefix, check=False)
 
 
-def test_an_installed_package_finds_its_share_folder(tmp_path: Path) -> None:
-    found = installed(tmp_path, share=True)
-    assert found.stdout.strip() == str((tmp_path / 'share' / 'aerarm_ros').resolve()), found.stderr
-
-
-def test_an_incomplete_installation_raises_an_error_with_a_remedy(tmp_path: Path) -> None:
-    found = installed(tmp_path, share=False)
+def test_an_installed_package_finds_its_share_folder_or_names_a_remedy(tmp_path: Path) -> None:
+    found = installed(tmp_path / 'whole', share=True)
+    share = tmp_path / 'whole' / 'share' / 'aerarm_ros'
+    assert found.stdout.strip() == str(share.resolve()), found.stderr
+    found = installed(tmp_path / 'bare', share=False)
     assert found.returncode != 0
     assert 'install the package again' in found.stderr
 
 
-@pytest.mark.parametrize('name', ['config/drone.yaml', 'drone.yaml', 'drones/quadrotor.yaml'])
-def test_a_packaged_file_is_found_by_its_name_from_anywhere(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_packaged_files_are_found_from_anywhere_after_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    found = resources.find_file(name)
-    assert found.is_file()
-    assert found.is_relative_to(resources.share_directory() / 'config')
-    assert load_drone_config(name).mass > 0.0
-
-
-def test_ones_own_file_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+    for name in ('config/drone.yaml', 'drone.yaml', 'drones/quadrotor.yaml'):
+        found = resources.find_file(name)
+        assert found.is_file() and found.is_relative_to(resources.share_directory() / 'config')
+        assert load_drone_config(name).mass > 0.0
+    for name in ('nothing.yaml', '/drone.yaml', '../config/drone.yaml'):
+        assert resources.find_file(name) == Path(name)
     Path('drone.yaml').touch()
     assert resources.find_file('drone.yaml') == Path('drone.yaml')
 
 
-@pytest.mark.parametrize('name', ['nothing.yaml', '/drone.yaml', '../config/drone.yaml'])
-def test_no_other_file_is_taken_for_a_missing_one(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert resources.find_file(name) == Path(name)
-
-
-def test_a_new_file_replaces_the_old_one(tmp_path: Path) -> None:
-    path = tmp_path / 'text'
+def test_a_new_file_replaces_the_old_one_unless_writing_fails(tmp_path: Path) -> None:
+    path, folder = tmp_path / 'text', tmp_path / 'folder'
+    folder.mkdir()
     for text in ('before\n', 'ä\n'):
         resources.write_whole(path, text)
+    for target, text, error in (
+        (path, 'half of it \ud800', UnicodeEncodeError),
+        (folder, 'text', IsADirectoryError),
+    ):
+        with pytest.raises(error):
+            resources.write_whole(target, text)
     assert path.read_text(encoding='utf-8') == 'ä\n'
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
-    path = tmp_path / 'text'
-    path.write_text('before')
-    with pytest.raises(UnicodeEncodeError):
-        resources.write_whole(path, 'half of it \ud800')
-    folder = tmp_path / 'folder'
-    folder.mkdir()
-    with pytest.raises(IsADirectoryError):
-        resources.write_whole(folder, 'text')
-    assert path.read_text() == 'before'
     assert sorted(tmp_path.iterdir()) == [folder, path]
 
 

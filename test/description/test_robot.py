@@ -59,6 +59,9 @@ def test_a_subset_of_joints_is_taken_in_the_order_of_the_chain() -> None:
     assert load_robot(joint_names=['joint2', 'joint4']).joint_names == ('joint2', 'joint4')
     with pytest.raises(DescriptionError, match='order from base to tool: joint2, joint4'):
         load_robot(joint_names=['joint4', 'joint2'])
+    for wrong in ({'joint_names': ['joint9']}, {'locked': ['wrist_fixed']}):
+        with pytest.raises(DescriptionError, match='the moving joints of the URDF are joint1'):
+            load_robot(**wrong)
 
 
 def test_a_continuous_joint_has_one_angle_and_no_limits() -> None:
@@ -88,31 +91,22 @@ def test_a_locked_joint_whose_range_excludes_zero_is_fixed_at_its_nearest_limit(
     assert np.allclose(moment, [np.cos(0.5), 0.0, 1.0 - np.sin(0.5)])
 
 
-def test_inertial_parameters_can_be_replaced_in_a_copy() -> None:
+def test_inertia_and_gravity_can_be_replaced_in_a_copy() -> None:
     robot = load_robot()
     pi = 1.1 * robot.inertial_parameters
     other = robot.with_inertial_parameters(pi)
     assert np.allclose(other.inertial_parameters, pi, rtol=1e-12)
     assert not np.allclose(robot.inertial_parameters, pi)
-    assert other.joint_names == robot.joint_names
     unphysical = pi * np.where(np.arange(10) > 3, -1.0, 1.0)
     assert np.allclose(robot.with_inertial_parameters(unphysical).inertial_parameters, unphysical)
-
-
-@pytest.mark.parametrize('pi', [np.ones((3, 10)), np.full((4, 10), np.nan), np.zeros((4, 10))])
-def test_wrong_inertial_parameters_are_refused(pi: np.ndarray) -> None:
-    with pytest.raises(ValueError, match='inertial parameters'):
-        load_robot().with_inertial_parameters(pi)
-
-
-def test_gravity_can_be_replaced_in_a_copy() -> None:
-    robot = load_robot()
+    for wrong in (np.ones((3, 10)), np.full((4, 10), np.nan), np.zeros((4, 10))):
+        with pytest.raises(ValueError, match='inertial parameters'):
+            robot.with_inertial_parameters(wrong)
     hanging = robot.with_gravity([0.0, 0.0, 9.81])
     assert np.array_equal(hanging.gravity_in_base, -robot.gravity_in_base)
-    with pytest.raises(DescriptionError, match='three numbers'):
-        robot.with_gravity([0.0, np.nan, 0.0])
-    with pytest.raises(DescriptionError, match='three numbers'):
-        load_robot(gravity_in_base=(0.0, -9.81))
+    for gravity in ([0.0, np.nan, 0.0], (0.0, -9.81)):
+        with pytest.raises(DescriptionError, match='three numbers'):
+            robot.with_gravity(gravity)
 
 
 UNUSABLE = {
@@ -152,12 +146,6 @@ def test_errors_name_the_file(tmp_path: Path) -> None:
         load_robot(path)
 
 
-@pytest.mark.parametrize('names', [{'joint_names': ['joint9']}, {'locked': ['wrist_fixed']}])
-def test_an_unknown_joint_is_named_with_the_known_ones(names: dict[str, list[str]]) -> None:
-    with pytest.raises(DescriptionError, match='the moving joints of the URDF are joint1'):
-        load_robot(**names)
-
-
 def test_a_prefix_makes_other_names_and_the_same_arm() -> None:
     plain, prefixed = load_robot(), load_robot(prefix='left_', joint_names=load_robot().joint_names)
     assert prefixed.joint_names == tuple(f'left_{name}' for name in plain.joint_names)
@@ -170,10 +158,6 @@ def test_a_prefix_makes_other_names_and_the_same_arm() -> None:
         assert prefixed.full_name(name) == 'left_tool0'
         assert prefixed.own_name(name) == 'tool0'
     assert prefixed.with_gravity([0.0, 0.0, 9.81]).prefix == 'left_'
-    assert load_robot(prefix='l', locked=['joint4']).joint_names == (
-        'ljoint1',
-        'ljoint2',
-        'ljoint3',
-    )
+    assert load_robot(prefix='l', locked=['joint4']).joint_names[-1] == 'ljoint3'
     # A prefix that some names begin with anyway.
     assert load_robot(prefix='l').full_name('link1') == 'llink1'

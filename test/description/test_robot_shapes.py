@@ -51,64 +51,61 @@ def test_a_missing_or_damaged_mesh_is_not_called_too_large(tmp_path):
         assert not isinstance(error.value, DescriptionError)
 
 
-def endless(path: Path) -> str:
-    path.symlink_to('/dev/zero')
-    return 'is not a regular file'
+def endless(folder: Path) -> list[str]:
+    (folder / 'part.stl').symlink_to('/dev/zero')
+    return ['part.stl', f'file://{folder}/part.stl', 'package://part.stl']
 
 
-def waiting(path: Path) -> str:
-    os.mkfifo(path)
-    return 'is not a regular file'
+def waiting(folder: Path) -> list[str]:
+    os.mkfifo(folder / 'part.stl')
+    return ['part.stl']
 
 
-def large(path: Path) -> str:
-    with path.open('wb') as file:
+def large(folder: Path) -> list[str]:
+    with (folder / 'part.stl').open('wb') as file:
         file.truncate(9 * 2**20)
-    return 'has 9 MiB, above the limit of 8 MiB: simplify it$'
+    return ['part.stl']
 
 
-@pytest.mark.parametrize('make', [endless, waiting, large])
-def test_no_mesh_is_read_that_has_no_end_or_is_too_large(tmp_path, make):
-    reason = make(tmp_path / 'part.stl')
-    start = time.process_time()
-    for name in ('part.stl', f'file://{tmp_path}/part.stl', 'package://part.stl'):
-        with pytest.raises(DescriptionError, match=f'part.stl {reason}'):
-            load_shapes(arm(tmp_path, name), pin.GeometryType.COLLISION)
-    assert time.process_time() - start < 1.0
-
-
-def test_meshes_are_bounded_together_and_in_number(tmp_path):
-    with (tmp_path / 'part.stl').open('wb') as file:
+def large_together(folder: Path) -> list[str]:
+    with (folder / 'part.stl').open('wb') as file:
         file.truncate(7 * 2**20)
-    with pytest.raises(DescriptionError, match='have 35 MiB in total, above the limit of 32 MiB'):
-        load_shapes(arm(tmp_path, *['part.stl'] * 5), pin.GeometryType.COLLISION)
-    with pytest.raises(DescriptionError, match='refers to 1001 meshes, above the limit of 1000'):
-        load_shapes(arm(tmp_path, *['none.stl'] * 1001), pin.GeometryType.COLLISION)
+    return ['part.stl'] * 5
 
 
-def test_a_format_that_may_be_compressed_is_refused(tmp_path):
-    (tmp_path / 'part.3mf').write_bytes(b'PK')
-    with pytest.raises(
-        DescriptionError,
-        match=(
-            r'part.3mf has an unsupported format: convert it to one of \.dae, \.obj, \.ply, \.stl'
-        ),
-    ):
-        load_shapes(arm(tmp_path, 'part.3mf'), pin.GeometryType.COLLISION)
+def compressed(folder: Path) -> list[str]:
+    (folder / 'part.3mf').write_bytes(b'PK')
+    return ['part.3mf']
 
 
-def test_parts_that_show_one_another_are_refused(tmp_path):
+def showing_one_another(folder: Path) -> list[str]:
     # Each shows the one before twice: 2^40 of the last.
     nodes = ''.join(
         f'<node id="n{k}"><instance_node url="#n{k - 1}"/><instance_node url="#n{k - 1}"/></node>'
         for k in range(1, 40)
     )
-    (tmp_path / 'part.dae').write_text(f'<COLLADA><library_nodes>{nodes}</library_nodes></COLLADA>')
-    with pytest.raises(DescriptionError, match='repeats its parts too often'):
-        load_shapes(arm(tmp_path, 'part.dae'), pin.GeometryType.COLLISION)
+    text = f'<COLLADA><library_nodes>{nodes}</library_nodes></COLLADA>'
+    (folder / 'part.dae').write_text(text)
+    return ['part.dae']
 
 
-def test_the_designer_reports_the_reason(tmp_path):
-    reason = large(tmp_path / 'part.stl')
-    with pytest.raises(ExcitationError, match=reason):
-        build_collision_geometry(arm(tmp_path, 'part.stl'), None)
+@pytest.mark.parametrize(
+    ('make', 'reason'),
+    [
+        (endless, 'part.stl is not a regular file'),
+        (waiting, 'part.stl is not a regular file'),
+        (large, 'part.stl has 9 MiB, above the limit of 8 MiB: simplify it$'),
+        (large_together, 'have 35 MiB in total, above the limit of 32 MiB'),
+        (lambda folder: ['none.stl'] * 1001, 'refers to 1001 meshes, above the limit of 1000'),
+        (compressed, r'part.3mf has an unsupported format: convert it to one of \.dae, \.obj'),
+        (showing_one_another, 'repeats its parts too often'),
+    ],
+)
+def test_dangerous_meshes_are_refused_at_once(tmp_path, make, reason):
+    meshes, start = make(tmp_path), time.process_time()
+    for names in (meshes, meshes[:1]) if make is endless else (meshes,):
+        with pytest.raises(DescriptionError, match=reason):
+            load_shapes(arm(tmp_path, *names), pin.GeometryType.COLLISION)
+    assert time.process_time() - start < 1.0
+    with pytest.raises(ExcitationError, match=reason):  # as the designer reports it
+        build_collision_geometry(arm(tmp_path, *meshes), None)

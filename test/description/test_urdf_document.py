@@ -9,14 +9,6 @@ from aerarm_ros.description.urdf_document import UrdfDocument
 ARM = resource('urdf', 'aerarm.urdf').read_text()
 
 
-def test_continuous_joints_become_revolute_in_a_copy() -> None:
-    document = UrdfDocument(ARM.replace('type="revolute"', 'type="continuous"'))
-    copy = UrdfDocument(document.revolute_text())
-    for name in ('joint1', 'joint2', 'joint3', 'joint4'):
-        assert document.joints[name].kind == 'continuous'
-        assert copy.joints[name].kind == 'revolute'
-
-
 LOOP = '<joint name="back" type="fixed"><parent link="tool0"/><child link="base_link"/></joint>'
 MACRO = '<x:macro xmlns:x="http://www.ros.org/wiki/xacro"/>'
 LIMIT = '<limit lower="-0.523" upper="3.664" effort="9.39" velocity="5.0"/>'

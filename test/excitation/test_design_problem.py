@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.excitation.design_problem import DesignProblem, FeasibleIterates, StateBasis
+from aerarm_ros.excitation.design_problem import DesignProblem, StateBasis
 from aerarm_ros.excitation.excitation_setup import RandomTrajectory
 from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 from aerarm_ros.excitation.trajectory_designer import TrajectoryDesigner
@@ -65,28 +65,3 @@ def test_states_are_those_of_the_played_trajectory(
     played = RampedExcitation(trajectory, 1, 2.0).evaluate(basis.times)
     for mine, theirs in zip(states, played, strict=True):
         np.testing.assert_allclose(mine, theirs, atol=1e-12)
-
-
-def test_pull_back_is_the_transpose(basis: StateBasis) -> None:
-    generator = np.random.default_rng(0)
-    x = generator.normal(size=basis.shape)
-    states = basis.states(x)
-    gradients = [generator.normal(size=part.shape) for part in states]
-    forward = sum((g * part).sum() for g, part in zip(gradients, states, strict=True))
-    assert (basis.pull_back(*gradients) * x).sum() == pytest.approx(forward)
-
-
-def test_best_first_and_only_feasible_ones() -> None:
-    iterates = FeasibleIterates()
-    assert iterates.best() == []
-    for step in range(1, 41):
-        # Every third breaks a constraint; the objective falls all the time.
-        iterates.see(
-            np.full(2, step), -float(step), np.array([1.0, -0.5 if step % 3 == 0 else 0.0])
-        )
-    best = iterates.best()
-    assert best[0][1] == 40
-    assert all(number % 3 for _, number in best)
-    assert [number for _, number in best] == sorted((n for _, n in best), reverse=True)
-    np.testing.assert_array_equal(best[0][0], [40.0, 40.0])
-    np.testing.assert_array_equal(iterates.last, [40.0, 40.0])

@@ -10,9 +10,13 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
+from aerarm_ros.calibration.geometry import ArmGeometry
+from aerarm_ros.calibration.posture_choice import faces_camera
 from aerarm_ros.nodes.arm import make_parser
 from aerarm_ros.ros.programs.calibrate_arm import CalibrateArm
 from aerarm_ros.ros.requests.arm_client import ArmClientError
+
+CAMERA = (0.9, -0.9, 0.5)
 
 
 def options(*arguments: str) -> argparse.Namespace:
@@ -43,8 +47,12 @@ def test_postures_start_at_the_named_joint_positions(
     for names in (ROBOT.joint_names, ROBOT.joint_names[::-1]):
         message.name = list(names)
         message.position = [start[name] for name in names]
-        CalibrateArm(ros_node, options('--postures', '4', '--timeout', '20')).run()
+        given = options('--postures', '4', '--timeout', '20', '--camera', *map(str, CAMERA))
+        CalibrateArm(ros_node, given).run()
         lines = capsys.readouterr().out.splitlines()
         found.append(np.array([[float(x) for x in line.split()] for line in lines]))
     ros_node.destroy_timer(timer)
     np.testing.assert_array_equal(found[0], found[1])
+    geometry = ArmGeometry(ROBOT, ROBOT.link_names[-1])
+    is_visible = faces_camera(geometry, np.array(CAMERA), np.array([0.0, 0.0, 1.0]))
+    assert all(map(is_visible, found[0]))

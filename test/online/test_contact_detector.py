@@ -1,5 +1,6 @@
 """Contact of the emulated arm in motion and at rest, with payload and with bad input."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +12,7 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
-from aerarm_ros.online.contact_place import ContactLocator
-from aerarm_ros.online.external_torque import ExternalTorque, MeanState, ResidualBound
+from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
 from aerarm_ros.online.joint_friction import JointFriction
 
 TOUCH = Touch(1.6, 2.3, (0.0, 0.0, -5.0))
@@ -39,30 +39,6 @@ def test_a_touch_in_motion_is_found_within_a_tenth_of_a_second(
     assert event.cause is Cause.CONTACT
     assert 0.0 < event.begin - TOUCH.begin < 0.1
     assert -0.05 < event.end - TOUCH.end < 0.35
-
-
-def test_a_payload_that_is_put_down_is_no_longer_subtracted(
-    loaded: CarryingRun, free: CarryingRun, bound: ResidualBound
-) -> None:
-    found = play(detector(loaded, bound), recording(loaded, 0.7, 7.5))
-    motion = recording(free, 0.7, 5.0)
-    play(found, replace(motion, time=motion.time + 10.0))
-    assert found.payload_mass is None
-    assert found.events[-1].cause is Cause.RELEASED
-    assert found.event is None
-
-
-def test_dry_friction_hides_torque_only_at_very_low_speed(run: CarryingRun) -> None:
-    q = np.array([0.3, 0.8, -0.5, 0.4])
-    creeping, slow = (
-        ExternalTorque(known_arm(run), GAIN)
-        .update(MeanState(ArmState(q, np.full(4, speed), np.zeros(4)), 5e-3))
-        .features
-        for speed in (0.001, 0.02)
-    )
-    assert np.all(creeping[:, 1] > 0.9 * creeping[:, 2])
-    assert np.all(slow[:, 1] < 0.05 * creeping[:, 1])
-    assert np.all(slow[:, 2] > 0.5 * creeping[:, 2])
 
 
 def at_rest(run: CarryingRun, push: float) -> Recording:
@@ -92,22 +68,31 @@ def quiet(run: CarryingRun, bound: ResidualBound) -> ContactDetector:
     return detector(run, replace(bound, noise=np.full(4, 1e-4)))
 
 
-def test_at_rest_a_push_counts_that_friction_could_hold(
-    run: CarryingRun, quiet: ContactDetector
-) -> None:
-    (event,) = play(quiet, at_rest(run, 0.6)).events
-    assert event.cause is Cause.CONTACT
-    assert 2.0 < event.begin < 2.1
-    assert 3.0 < event.end < 3.4
-
-
-def test_a_late_state_and_a_gap_end_no_contact(run: CarryingRun, quiet: ContactDetector) -> None:
-    motion = clamped(at_rest(run, 0.6))
+def with_a_late_state_and_a_gap(motion: Recording) -> Recording:
     order = np.arange(len(motion.time))
     order[[3000, 3010]] = 3010, 3000
     kept = (motion.time < 3.2) | (motion.time > 3.7)
-    (event,) = play(quiet, thinned(motion, order[kept[order]])).events
-    assert np.isnan(event.end)
+    return thinned(motion, order[kept[order]])
+
+
+@pytest.mark.parametrize(
+    ('change', 'is_lasting'),
+    [
+        (lambda motion: motion, False),
+        (clamped, True),
+        (lambda motion: with_a_late_state_and_a_gap(clamped(motion)), True),
+    ],
+)
+def test_at_rest_a_push_counts_until_it_ends(
+    run: CarryingRun,
+    quiet: ContactDetector,
+    change: Callable[[Recording], Recording],
+    is_lasting: bool,
+) -> None:
+    (event,) = play(quiet, change(at_rest(run, 0.6))).events
+    assert event.cause is Cause.CONTACT
+    assert 2.0 < event.begin < 2.1
+    assert np.isnan(event.end) if is_lasting else 3.0 < event.end < 3.4
 
 
 def test_an_invalid_state_ends_no_contact(run: CarryingRun, quiet: ContactDetector) -> None:
@@ -122,8 +107,7 @@ def test_an_invalid_state_ends_no_contact(run: CarryingRun, quiet: ContactDetect
 def test_a_clock_that_is_set_back_starts_the_detection_again(
     run: CarryingRun, quiet: ContactDetector
 ) -> None:
-    motion = at_rest(run, 0.0)
-    play(quiet, motion)
+    assert play(quiet, at_rest(run, 0.0)).events == []  # drive noise is no contact
     (event,) = play(quiet, at_rest(run, 0.6)).events
     assert event.begin == pytest.approx(2.05, abs=0.05)
 
@@ -165,19 +149,13 @@ def test_a_push_from_rest_into_motion_ends_when_it_ends(
     assert event.end == pytest.approx(push.end, abs=0.3)
 
 
-def test_torque_present_from_the_start_is_no_contact(
+def test_a_wrong_model_and_a_hanging_encoder_are_no_contact(
     run: CarryingRun, bound: ResidualBound
 ) -> None:
     motion = recording(run, 0.7, run.pick_up)
-    wrong = replace(motion, tau=motion.tau + 2.0)
-    found = detector(run, bound)
-    found = play(found, wrong)
+    found = play(detector(run, bound), replace(motion, tau=motion.tau + 2.0))
     assert {event.cause for event in found.events} == {Cause.MODEL}
     assert 'check that the model belongs to this arm' in found.problem
-
-
-def test_an_encoder_that_hangs_is_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
-    motion = recording(run, 0.7, run.pick_up)
     q = motion.q.copy()
     q[500:] = q[500]
     found = play(detector(run, bound), replace(motion, q=q))
@@ -193,6 +171,21 @@ def test_a_declared_payload_is_neither_contact_nor_found(
     play(found, recording(loaded, loaded.pick_up, 7.5))
     assert found.events == []
     assert found.payload_mass is None
+
+
+def test_a_declared_payload_widens_the_thresholds(
+    loaded: CarryingRun, bound: ResidualBound
+) -> None:
+    """Torque constants and friction are less accurate under load."""
+    bare, carrying = detector(loaded, bound), detector(loaded, bound)
+    carrying.carry(loaded.payload)
+    motion = recording(loaded, loaded.pick_up, 4.0)
+    assert motion.dq is not None
+    for time, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
+        state = ArmState(q, dq, tau)
+        reports = [found.update(state, float(time)) for found in (bare, carrying)]
+    low, high = (report.threshold for report in reports if report is not None)
+    assert (high - low).max() > 0.01
 
 
 def test_a_saturated_torque_is_named_and_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
@@ -226,7 +219,11 @@ def test_lost_states_find_nothing_and_end_no_contact(
     kept = np.ones(len(motion.time), bool)
     for begin in range(300, len(kept), 200):
         kept[begin : begin + lost] = False
-    assert play(detector(run, bound), thinned(motion, kept)).events == []
+    tau = motion.tau.copy()
+    tau[::7] = np.nan
+    time = motion.time + np.where(np.arange(len(motion.time)) > 900, 3.0, 0.0)
+    for free in (thinned(motion, kept), replace(motion, tau=tau, time=time)):
+        assert play(detector(run, bound), free).events == []
     (event,) = play(detector(run, bound), thinned(TOUCH.added(run, motion), kept)).events
     assert event.cause is Cause.CONTACT
     assert event.end - event.begin > 0.8 * (TOUCH.end - TOUCH.begin)
@@ -237,18 +234,6 @@ def thinned(motion: Recording, kept: np.ndarray) -> Recording:
     assert motion.dq is not None
     rows = {name: getattr(motion, name)[kept] for name in ('time', 'q', 'dq', 'tau')}
     return replace(motion, **rows)
-
-
-def test_the_place_of_a_force_on_the_tool(run: CarryingRun) -> None:
-    robot = run.robot()
-    motion = recording(run, 1.0, 1.01)
-    touched = Touch(0.0, 9.0, (1.0, -3.0, 2.0)).added(run, motion)
-    torque = (motion.tau - touched.tau)[0]
-    place = ContactLocator(robot).locate(motion.q[0], torque, np.full(4, 1e-3))
-    assert place is not None
-    assert place.link == robot.link_names[-1]
-    # Whatever the point, the force explains the torque.
-    assert np.linalg.norm(place.force) == pytest.approx(np.sqrt(14.0), rel=0.5)
 
 
 def test_thresholds_survive_their_file(run: CarryingRun, bound: ResidualBound) -> None:
@@ -282,7 +267,7 @@ def test_lost_states_do_not_raise_the_thresholds(free: CarryingRun, bound: Resid
     for begin in range(300, len(kept), 200):
         kept[begin : begin + 20] = False
     again = learnt(free, thinned(motion, kept))
-    rows = [row for _, _, row in ExternalTorque(known_arm(free), GAIN).over(motion)]
+    rows = list(free_rows(ExternalTorque(known_arm(free), GAIN), motion))
     once, later = (
         np.mean([each.threshold(row) for row in rows], axis=0) for each in (bound, again)
     )
@@ -294,8 +279,8 @@ def test_too_little_free_motion_is_rejected(free: CarryingRun) -> None:
         learnt(free, recording(free, 0.7, 1.0))
 
 
-def test_a_payload_is_reported_as_one_and_then_subtracted(
-    loaded: CarryingRun, bound: ResidualBound
+def test_a_payload_is_reported_subtracted_and_released(
+    loaded: CarryingRun, free: CarryingRun, bound: ResidualBound
 ) -> None:
     found = play(detector(loaded, bound), recording(loaded, 0.7, 7.5))
     event = found.events[-1]
@@ -303,15 +288,11 @@ def test_a_payload_is_reported_as_one_and_then_subtracted(
     assert event.begin > loaded.pick_up
     assert found.event is None
     assert found.payload_mass == pytest.approx(0.2, rel=0.25)
-
-
-def test_at_rest_drive_noise_is_no_contact(run: CarryingRun, quiet: ContactDetector) -> None:
-    assert play(quiet, at_rest(run, 0.0)).events == []
-
-
-def test_the_contact_with_a_clamped_person_lasts(run: CarryingRun, quiet: ContactDetector) -> None:
-    (event,) = play(quiet, clamped(at_rest(run, 0.6))).events
-    assert np.isnan(event.end)
+    motion = recording(free, 0.7, 5.0)
+    play(found, replace(motion, time=motion.time + 10.0))
+    assert found.payload_mass is None
+    assert found.events[-1].cause is Cause.RELEASED
+    assert found.event is None
 
 
 def moved(motion: Recording, run: CarryingRun, begin: float) -> Recording:
@@ -334,21 +315,6 @@ def test_saturation_while_the_posture_changes_is_no_contact(
     assert play(found, motion).events == []
 
 
-def test_a_declared_payload_widens_the_thresholds(
-    loaded: CarryingRun, bound: ResidualBound
-) -> None:
-    """Torque constants and friction are less accurate under load."""
-    bare, carrying = detector(loaded, bound), detector(loaded, bound)
-    carrying.carry(loaded.payload)
-    motion = recording(loaded, loaded.pick_up, 4.0)
-    assert motion.dq is not None
-    for time, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
-        state = ArmState(q, dq, tau)
-        reports = [found.update(state, float(time)) for found in (bare, carrying)]
-    low, high = (report.threshold for report in reports if report is not None)
-    assert (high - low).max() > 0.01
-
-
 def test_after_a_short_gap_a_push_is_contact_and_after_a_long_one_it_may_be_a_load(
     run: CarryingRun, bound: ResidualBound
 ) -> None:
@@ -358,11 +324,3 @@ def test_after_a_short_gap_a_push_is_contact_and_after_a_long_one_it_may_be_a_lo
         later = motion.time + np.where(motion.time > TOUCH.begin, pause, 0.0)
         events = play(detector(run, bound), thinned(replace(motion, time=later), kept)).events
         assert [event.cause for event in events] == [cause]
-
-
-def test_lost_states_and_gaps_find_nothing(run: CarryingRun, bound: ResidualBound) -> None:
-    motion = recording(run, 0.7, run.pick_up)
-    tau = motion.tau.copy()
-    tau[::7] = np.nan
-    time = motion.time + np.where(np.arange(len(motion.time)) > 900, 3.0, 0.0)
-    assert play(detector(run, bound), replace(motion, tau=tau, time=time)).events == []

@@ -63,11 +63,6 @@ def test_a_touch_is_published(known: ContactEstimatorNode, run: CarryingRun) -> 
     listener.destroy_node()
 
 
-def test_without_thresholds_the_error_states_how_to_learn_them(make_node) -> None:
-    with pytest.raises(ValueError, match='residuals_file is not set: learn the contact thresholds'):
-        make_node(ContactEstimatorNode)
-
-
 def feed(node: ContactEstimatorNode, motion: Recording) -> None:
     """Give the node a recording state by state."""
     assert motion.dq is not None
@@ -85,8 +80,14 @@ def test_a_model_of_another_arm_is_named(known: ContactEstimatorNode, free: Carr
     assert known.describe()['contact'] == 'no'
 
 
-def test_an_invalid_thresholds_file_is_named(make_node, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [('', 'residuals_file is not set: learn the contact thresholds'), ('a: 1', 'residual_bound')],
+)
+def test_missing_and_invalid_thresholds_are_named(
+    make_node, tmp_path: Path, text: str, message: str
+) -> None:
     file = tmp_path / 'residuals.yaml'
-    file.write_text('a: 1\n')
-    with pytest.raises(ValueError, match='residual_bound'):
-        make_node(ContactEstimatorNode, residuals_file=file)
+    file.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        make_node(ContactEstimatorNode, **({'residuals_file': file} if text else {}))

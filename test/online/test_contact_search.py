@@ -1,6 +1,7 @@
 """`contact_estimator --bag` on recordings of the emulated arm, one of which is bad."""
 
 import json
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,12 @@ from carrying_run import CarryingRun
 from touched_run import Touch, detector, recording
 
 from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.robot import load_robot
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.online.contact_detector import Cause
 from aerarm_ros.online.contact_place import ContactLocator
 from aerarm_ros.online.external_torque import ResidualBound
-from aerarm_ros.ros.programs.contact_replay import contact_page, contact_replay, event_text, search
+from aerarm_ros.ros.programs.contact_replay import contact_page, contact_replay, search
 
 PUSH = Touch(4.0, 4.8, (6.0, 6.0, 6.0))
 
@@ -42,10 +44,13 @@ def test_a_push_is_found_and_described(
     assert event.cause is Cause.CONTACT
     assert 0.0 < event.begin - PUSH.begin < 0.05
     assert place is not None
-    text = event_text(event, place, pushed.joint_names)
+    assert place.link == free.robot().link_names[-1]
+    # Whatever the point, the force explains the torque.
+    assert np.linalg.norm(place.force) == pytest.approx(np.linalg.norm(PUSH.force), rel=0.5)
+    (text,) = bag.event_texts()
     assert text.startswith(f'{event.begin:.2f} s to {event.end:.2f} s: contact, torque of joint')
-    html = contact_page(free.robot(), [bag], {'other': ValueError('other.csv is empty')})
-    assert place.link in html
+    html = contact_page([bag], {'other': ValueError('other.csv is empty')})
+    assert text in unescape(html)
     assert 'other.csv is empty' in html
 
 
@@ -79,6 +84,12 @@ def test_one_bad_bag_does_not_lose_the_others(
     assert 'pushed.csv: ' in printed.out
     assert 'Report: ' in printed.out
     summary = json.loads((out / 'summary.json').read_text())
-    assert len(summary['contacts']) == 1
+    (found,) = summary['contacts']
+    event = found['events'][0]
+    assert event['cause'] == Cause.CONTACT.value
+    assert event['link'] in load_robot().link_names
+    assert len(event['torque']) == len(config.joint_names)
+    assert len(event['force']) == len(event['point']) == 3
+    assert isinstance(event['force_is_determined'], bool)
     assert list(summary['failures']) == [str(tmp_path / 'empty.csv')]
     assert 'empty.csv' in (out / 'contacts.html').read_text()

@@ -39,19 +39,6 @@ def test_estimates_return_to_the_prior_at_their_own_rates(random: np.random.Gene
     assert spread[1] < 0.05
 
 
-def test_a_reset_of_some_parameters_keeps_the_others(random: np.random.Generator) -> None:
-    recursive = InformationFilter(3)
-    rows = random.normal(size=(30, 3))
-    recursive.update(rows, rows @ TRUTH, np.full(30, 0.1), np.ones(3))
-    before = recursive.belief
-    recursive.forget(slice(0, 1))
-    after = recursive.belief
-    assert after.mean == pytest.approx([0.0, *before.mean[1:]])
-    np.testing.assert_allclose(after.covariance[1:, 1:], before.covariance[1:, 1:])
-    assert after.covariance[0] == pytest.approx([1.0, 0.0, 0.0])
-    np.testing.assert_allclose(after.information @ after.covariance, np.eye(3), atol=1e-9)
-
-
 SIZE = 0.15
 BODY = parameters_of_body(0.2, [0.1, 0.01, -0.02], np.diag([2e-4, 3e-4, 4e-4]))
 SCALE = 0.2 * np.array([1.0, *[SIZE] * 3, *[SIZE**2] * 6])

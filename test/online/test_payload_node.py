@@ -85,15 +85,6 @@ def test_an_arm_that_nothing_holds_is_not_weighed(make_node, run: CarryingRun) -
     assert node.describe()['carries'] == 'not yet identified'
 
 
-def test_an_unknown_base_motion_is_reported(make_node, run: CarryingRun) -> None:
-    node = make_node(
-        PayloadEstimatorNode, drone_file=resource('config', 'drone.yaml'), base_motion='free'
-    )
-    tell(node, run, 0.0, 2.0)
-    assert 'no IMU sample yet' in node.warning()
-    assert node.describe()['carries'] == 'not yet identified'
-
-
 def test_a_drone_whose_motion_is_ignored_is_refused(make_node) -> None:
     with pytest.raises(ValueError, match="set base_motion to 'free'"):
         make_node(PayloadEstimatorNode, drone_file=resource('config', 'drone.yaml'))

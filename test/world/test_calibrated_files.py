@@ -6,7 +6,7 @@ import numpy as np
 from measured_arm import LINK, ROBOT, MeasuredArm, own_chain
 from moving_drone import MovingDrone
 
-from aerarm_ros.calibration.calibrate import CalibrationOptions, calibrate
+from aerarm_ros.calibration.calibrate import calibrate
 from aerarm_ros.calibration.files import calibrated_urdf
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.mount import calibrate_mount, drone_yaml
@@ -36,8 +36,8 @@ def marker_in_world(
 
 def test_calibrated_files_predict_the_tool_in_the_world_within_1_mm(tmp_path: Path) -> None:
     arm, moving = MeasuredArm(8, frames=10), MovingDrone(8, made=True)
-    options = CalibrationOptions('geometry', compliance=False)
-    calibration = calibrate(own_chain(), arm.observe(arm.postures(25)), (), options)
+    observations = arm.observe(arm.postures(25))
+    calibration = calibrate(own_chain(), observations, level='geometry', compliance=False)
     calibrated = load_robot(calibrated_urdf(calibration, with_offsets=True))
     found = calibrate_mount(
         ArmGeometry(calibrated, LINK), *moving.joints(late=0.0), moving.body(), moving.markers()

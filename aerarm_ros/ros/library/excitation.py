@@ -184,9 +184,8 @@ def plan_excitation(
         )
     drives, surroundings = (None if file is None else Path(file) for file in (config, room))
     folders = tuple(Path(folder) for folder in package_directories)
-    is_limited = np.isfinite(acceleration_limit).any()
-    limits = {'acceleration_limit': acceleration_limit} if is_limited else {}
-    setup = load_setup(arm, drives, surroundings, bias, lock, folders, limits)
+    limit = acceleration_limit if np.isfinite(acceleration_limit).any() else None
+    setup = load_setup(arm, drives, surroundings, bias, lock, folders, limit)
     specification = DesignSpecification(setup, fundamental, harmonics, seed=seed)
     return PlannedExcitation(specification, _designed(specification, seconds), periods)
 

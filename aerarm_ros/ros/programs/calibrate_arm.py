@@ -116,16 +116,18 @@ class CalibrateArm:
         geometry = ArmGeometry(robot, options.link or robot.link_names[-1])
         low, high = robot.posture_range
         middle, half = 0.5 * (low + high), 0.5 * options.span * (high - low)
-
-        def is_allowed(q: Array) -> bool:
-            return bool((np.abs(q - middle) <= half).all()) and checker.margin(q) > 0.0
-
         is_visible = None
         if options.camera:
             normal = np.array(options.marker_normal or (0.0, 0.0, 1.0))
             is_visible = faces_camera(geometry, np.array(options.camera), normal)
+
+        def is_allowed(q: Array) -> bool:
+            within = bool((np.abs(q - middle) <= half).all())
+            visible = is_visible is None or is_visible(q)
+            return within and visible and checker.margin(q) > 0.0
+
         choice = choose_postures(
-            geometry, options.postures, is_allowed, is_visible, self._position(), options.seed
+            geometry, options.postures, is_allowed, self._position(), options.seed
         )
         print_notice(
             'arm',

@@ -13,15 +13,16 @@ import numpy as np
 from aerarm_msgs_py.bags.bag_reader import read_contents
 from aerarm_msgs_py.bags.pose_series import IMU, ODOMETRY, TF, PoseSeries, read_poses
 from aerarm_ros.calibration.chain import Chain
-from aerarm_ros.calibration.observations import (
-    CalibrationError,
-    MarkerSource,
-    Observations,
-    PoseSource,
-    Source,
+from aerarm_ros.calibration.observations import CalibrationError, Observations, Source
+from aerarm_ros.calibration.plateaus import (
+    Track,
+    rest_observations,
+    resting_arm,
+    rotations,
+    sources_of,
+    time_offset,
 )
-from aerarm_ros.calibration.plateaus import Track, rest_observations, resting_arm, time_offset
-from aerarm_ros.calibration.tables import PostureTable, read_postures
+from aerarm_ros.calibration.tables import read_postures
 from aerarm_ros.description.urdf_document import UrdfDocument
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.programs.identifier_bags import collected_warnings
@@ -32,23 +33,23 @@ _MAX_STATES = 4_000_000
 
 
 @dataclass(eq=False)
-class JointRecording:
-    """Recorded joint positions.
+class JointPositions:
+    """Joint positions of resting postures, or of a recorded motion.
 
     Attributes
     ----------
-    time : (T,) ndarray
-        Time of each sample [s].
-    position : (T, n) ndarray
-        Positions of the n joints at each time [rad].
+    position : (M, n) ndarray
+        Positions of the n joints [rad].
+    time : (M,) ndarray or None
+        Time of each row [s]; None if each row is a posture in which the arm rests.
     """
 
     names: tuple[str, ...]
-    time: Array
     position: Array
+    time: Array | None = None
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return the positions (T, k) [rad] of the k named joints."""
+        """Return the positions (M, k) [rad] of the k named joints."""
         return self.position[:, [self.names.index(name) for name in names]]
 
 
@@ -58,12 +59,8 @@ class CalibratorInput:
 
     Attributes
     ----------
-    joints : tuple of str
-        Names of the joints whose positions the file contains.
-    content : PostureTable or JointRecording
-        Postures in which the arm rests, or positions of the moving joints.
     tracks : list of Track
-        Measurements during a recorded motion.
+        Measurements in the postures, or during the motion.
     mapping : list of str
         Texts that state how the program interprets the columns or topics.
     messages : list of str
@@ -71,8 +68,7 @@ class CalibratorInput:
     """
 
     path: Path
-    joints: tuple[str, ...]
-    content: PostureTable | JointRecording
+    joints: JointPositions
     tracks: list[Track] = field(default_factory=list)
     mapping: list[str] = field(default_factory=list)
     messages: list[str] = field(default_factory=list)
@@ -103,29 +99,28 @@ def to_observations(
     CalibrationError
         If the arm never rests, or the input has no measurements.
     """
-    names = chain.robot.joint_names
-    if isinstance(given.content, PostureTable):
-        return _of_table(given.content, names, given.path, options)
-    recording = given.content
-    q = recording.columns(names)
+    q, time = given.joints.columns(chain.robot.joint_names), given.joints.time
     tracks = [track for track in given.tracks if track.name not in options.ignore]
     if not tracks:
         raise CalibrationError(
             f'no markers or poses of {given.path} remain after the selection by --sensors, '
             '--frames and --ignore: check these options'
         )
+    poses = [track.name for track in tracks if track.rotation is not None]
+    in_hand = _eye_in_hand(poses, given.path, options)
+    if time is None:
+        labels = tuple(f'{given.path.name}, row {k + 1}' for k in range(len(q)))
+        return Observations(q, sources_of(tracks, in_hand), labels)
     offsets = {}
     for track in tracks:
-        late, agreement = time_offset(recording.time, q, track)
+        late, agreement = time_offset(time, q, track)
         offsets[track.name] = late
         given.mapping.append(
             f'the estimated time offset of {track.name} from the joint states is '
             f'{1e3 * late:+.0f} ms (correlation of marker speed and joint speed {agreement:.2f})'
         )
-    rests = resting_arm(recording.time, q)
+    rests = resting_arm(time, q)
     given.mapping.append(f'the arm rests in {len(rests.q)} postures')
-    poses = [track.name for track in tracks if track.rotation is not None]
-    in_hand = _eye_in_hand(poses, given.path, options)
     return rest_observations(rests, tracks, offsets, in_hand)
 
 
@@ -147,19 +142,18 @@ def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> Calibrato
     rename = dict(options.rename)
     prismatic = [name for name in known if document.joints[name].kind == 'prismatic']
     table = read_postures(path, known, options.length_unit, options.degrees, rename, prismatic)
-    for name in options.ignore:
-        table.measured.pop(name, None)
-        table.joints.pop(name, None)
+    joints = {name: own for name, own in table.joints.items() if name not in options.ignore}
     mapping = list(table.mapping)
     if table.unused:
         mapping.append(f'columns not used: {", ".join(table.unused)}')
-    return CalibratorInput(path, tuple(table.joints), table, mapping=mapping)
+    positions = JointPositions(tuple(joints), np.column_stack(list(joints.values())))
+    return CalibratorInput(path, positions, list(table.measured.values()), mapping)
 
 
 def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
     messages: list[str] = []
     with collected_warnings(messages):
-        recording, series, clock = _read_contents(path, options, options.sensors)
+        joints, series, clock = _read_contents(path, options, options.sensors)
     used = {name: one for name, one in series.items() if _is_sensor(name, one, options)}
     # robot_state_publisher computes the frames of the links from the joint positions.
     links = [] if options.frames else sorted(
@@ -181,12 +175,12 @@ def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorI
             'frames, name it with --frames'
         )
     mapping += [f'{"marker" if t.rotation is None else "pose"}: {t.name}' for t in tracks]
-    return CalibratorInput(path, recording.names, recording, tracks, mapping, messages)
+    return CalibratorInput(path, joints, tracks, mapping, messages)
 
 
 def _read_contents(
     path: Path, options: argparse.Namespace, sensors: Sequence[str]
-) -> tuple[JointRecording, dict[str, PoseSeries], tuple[float, float]]:
+) -> tuple[JointPositions, dict[str, PoseSeries], tuple[float, float]]:
     """Return a bag's joint states and poses, and time stamp and reception time of the first state.
 
     The joint states have increasing stamps and finite positions.
@@ -197,8 +191,8 @@ def _read_contents(
     _, order = np.unique(states.stamp, return_index=True)
     order = order[np.isfinite(states.position[order]).all(axis=1)]
     names = tuple(rename.get(name, name) for name in states.names)
-    recording = JointRecording(names, states.stamp[order], states.position[order])
-    return recording, series, (float(states.stamp[0]), float(states.log_time[0]))
+    joints = JointPositions(names, states.position[order], states.stamp[order])
+    return joints, series, (float(states.stamp[0]), float(states.log_time[0]))
 
 
 @dataclass(eq=False)
@@ -215,7 +209,7 @@ class FlightRecording:
         Positions of the markers on the arm over time.
     """
 
-    joints: JointRecording
+    joints: JointPositions
     drone: Track
     imu: PoseSeries | None
     markers: list[Track]
@@ -269,40 +263,8 @@ def _track(name: str, series: PoseSeries, stamp: float, log_time: float) -> Trac
         time = series.log_time - log_time + stamp
     rotation = None
     if np.isfinite(series.quaternion).all(axis=1).any():
-        rotation = _matrices(series.quaternion)
+        rotation = rotations(series.quaternion)
     return Track(name.lstrip('/'), time, series.position, rotation)
-
-
-def _matrices(quaternion: Array) -> Array:
-    from scipy.spatial.transform import Rotation
-
-    found = np.full((len(quaternion), 3, 3), np.nan)
-    norm = np.linalg.norm(quaternion, axis=1)
-    seen = np.isfinite(norm) & (norm > 0.5)
-    found[seen] = Rotation.from_quat(quaternion[seen]).as_matrix()
-    return found
-
-
-def _of_table(
-    table: PostureTable, names: Sequence[str], path: Path, options: argparse.Namespace
-) -> Observations:
-    q = np.column_stack([table.joints[name] for name in names])
-    sources: list[Source] = []
-    markers = {name: one for name, one in table.measured.items() if one.rotation is None}
-    if markers:
-        position = np.stack([one.position for one in markers.values()], axis=1)
-        sources.append(MarkerSource('mocap', tuple(markers), position))
-    poses = {name: one for name, one in table.measured.items() if one.rotation is not None}
-    cameras = _eye_in_hand(list(poses), path, options)
-    for name, one in poses.items():
-        assert one.rotation is not None
-        sources.append(PoseSource(name, one.rotation, one.position, name in cameras))
-    if not sources:
-        raise CalibrationError(
-            f'no measurements of {path} remain after the selection by --ignore: check this option'
-        )
-    labels = tuple(f'{path.name}, row {k + 1}' for k in range(len(q)))
-    return Observations(q, tuple(sources), labels)
 
 
 def joined(parts: Sequence[Observations]) -> Observations:

@@ -63,6 +63,7 @@ def calibrate_on_drone(options: argparse.Namespace) -> str:
         chain = chain_of(urdf, joints.names, options.link, options.lock, gravity)
         geometry = ArmGeometry(chain.robot, chain.link)
         q = joints.columns(chain.robot.joint_names)
+        assert joints.time is not None
         mount = calibrate_mount(geometry, joints.time, q, flight.drone, flight.markers)
         imu = _imu(flight, options.imu, source.name)
         directory.write(DRONE, drone_yaml(source, mount.pose, imu.pose if imu else None))

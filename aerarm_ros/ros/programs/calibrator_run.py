@@ -6,7 +6,7 @@ import argparse
 
 import numpy as np
 
-from aerarm_ros.calibration.calibrate import Calibration, CalibrationOptions, HeldOut, calibrate
+from aerarm_ros.calibration.calibrate import Calibration, calibrate
 from aerarm_ros.calibration.chain import chain_of
 from aerarm_ros.calibration.files import calibrated_urdf, calibration_yaml, config_yaml, summary
 from aerarm_ros.calibration.geometry import Tolerance
@@ -67,10 +67,10 @@ def _calibrate(
     validation = [read_input(path, urdf, options) for path in options.validation]
     inputs = [*training, *validation]
     gravity = options.gravity or (config.gravity_in_base if config else STANDARD_GRAVITY)
-    recorded = [name for name in inputs[0].joints if all(name in one.joints for one in inputs)]
+    recorded = [n for n in inputs[0].joints.names if all(n in one.joints.names for one in inputs)]
     chain = chain_of(urdf, recorded, options.link, options.lock, gravity)
     observations = joined([to_observations(one, chain, options) for one in training])
-    held_out = [HeldOut(one.path.stem, to_observations(one, chain, options)) for one in validation]
+    held_out = {one.path.stem: to_observations(one, chain, options) for one in validation}
     mapping = [f'{one.path.name}: {text}' for one in inputs for text in one.mapping]
     mapping.append(f'the measured markers and poses are attached to the link {chain.link}')
     if chain.ignored:
@@ -81,12 +81,11 @@ def _calibrate(
     print_notice('calibrator', *mapping)
     if options.holdout > 0.0:
         observations, rest = _divided(observations, options.holdout)
-        held_out.insert(0, HeldOut('held out', rest))
+        held_out = {'held out': rest, **held_out}
     length, angle = options.tolerance
-    choice = CalibrationOptions(
-        options.level, not options.no_compliance, Tolerance(1e-3 * length, 1e-3 * angle)
-    )
-    result = calibrate(chain, observations, held_out, choice)
+    tolerance = Tolerance(1e-3 * length, 1e-3 * angle)
+    compliance = not options.no_compliance
+    result = calibrate(chain, observations, held_out, options.level, compliance, tolerance)
     result.messages[:0] = [text for one in training for text in one.messages]
     print_notice('calibrator', *result.messages)
     return result, mapping

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.recording.recording import Recording
@@ -25,7 +24,7 @@ from aerarm_ros.online.contact_place import ContactLocator, ContactPlace
 from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
 from aerarm_ros.online.information_filter import ball
 from aerarm_ros.online.replay import recorded_states
-from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
+from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section
 from aerarm_ros.pages.plots import StackedFigure, plotting_script
 from aerarm_ros.ros.controllers.contact_parameters import (
     CONTACT_ESTIMATOR_PARAMETERS,
@@ -135,6 +134,12 @@ class SearchedBag:
     threshold: Array
     problems: Mapping[str, list[tuple[float, float]]]
 
+    def event_texts(self) -> list[str]:
+        """Return one line per event."""
+        names = self.recording.joint_names
+        rows = zip(self.events, self.places, strict=True)
+        return [event_text(event, place, names) for event, place in rows]
+
 
 class ContactReplay:
     """Search for contact with the options of the command line.
@@ -195,7 +200,7 @@ class ContactReplay:
             bags = self._search(bound)
             values = bound.to_dict(self._arm.robot.joint_names)
             directory.write(RESIDUALS, yaml.safe_dump({RESIDUALS_SECTION: values}, sort_keys=False))
-            directory.write(REPORT, contact_page(self._arm.robot, bags, self.failures))
+            directory.write(REPORT, contact_page(bags, self.failures))
             failures = {path: str(error) for path, error in self.failures.items()}
             summary = {'contacts': [_summary(bag) for bag in bags], 'failures': failures}
             directory.write_json(MARKER, summary)
@@ -258,9 +263,7 @@ class ContactReplay:
                 f'{bag.recording.name}: {bag.recording.duration:.1f} s, {count} '
                 f'contact{"" if count == 1 else "s"}'
             )
-            names = self._arm.robot.joint_names
-            rows = zip(bag.events, bag.places, strict=True)
-            lines += [f'  {event_text(event, place, names)}' for event, place in rows]
+            lines += [f'  {text}' for text in bag.event_texts()]
         return '\n'.join(lines)
 
 
@@ -352,15 +355,25 @@ def _summary(bag: SearchedBag) -> dict[str, Any]:
                 'end': None if math.isnan(event.end) else round(event.end, 4),
                 'joint': bag.recording.joint_names[event.joint],
                 'torque': event.torque.round(4).tolist(),
+                **({} if place is None else _place(place)),
             }
-            for event in bag.events
+            for event, place in zip(bag.events, bag.places, strict=True)
         ],
     }
 
 
-def contact_page(
-    robot: Robot, bags: Sequence[SearchedBag], failures: Mapping[str, Exception]
-) -> str:
+def _place(place: ContactPlace) -> dict[str, Any]:
+    """Return force [N, axes of the base] and point [m, frame of the link] of a contact."""
+    point, force = place.point.round(3).tolist(), place.force.round(3).tolist()
+    return {
+        'link': place.link,
+        'point': point,
+        'force': force,
+        'force_is_determined': bool(place.is_determined),
+    }
+
+
+def contact_page(bags: Sequence[SearchedBag], failures: Mapping[str, Exception]) -> str:
     """Return the HTML page with the events and torque curves of each recording, and all errors."""
     parts: list[str] = []
     if failures:
@@ -368,42 +381,16 @@ def contact_page(
         parts.append(section('Recordings that were not searched completely', reasons))
     for number, bag in enumerate(bags):
         heading = f'{bag.recording.name} ({bag.recording.duration:.1f} s)'
-        parts.append(section(heading, _events_table(robot, bag), _figure(number, bag)))
-    legend = bullets(
-        [
-            'Torque: largest change of the external torque during the event; a positive torque '
-            'acts in the positive direction of the joint.',
-            'Ratio: torque divided by the threshold that the program learned from motion without '
-            'contact. While the arm rests, smaller torques also count as contact, so the ratio may '
-            'be below 1.',
-            'Force: the single force, in the frame of the base, that explains the torque. “At '
-            'least” marks a force that may have a further component without any joint torque.',
-            'Solid curves show the external torque, dashed curves its threshold. Red areas mark '
-            'contact, green areas a payload, grey areas a model error.',
-        ]
+        events = bullets(bag.event_texts()) if bag.events else paragraph('No event.')
+        parts.append(section(heading, events, _figure(number, bag)))
+    legend = (
+        'Torque: largest change of the external torque during the event, positive along the joint. '
+        'While the arm rests, also torques below the threshold count as contact. Force: the '
+        'single force that explains the torque; "at least" marks a force that may have a further '
+        'component without any joint torque. Solid curves show the external torque, dashed curves '
+        'its threshold. Red areas mark contact, green areas a payload, grey areas a model error.'
     )
-    parts.append(section('Legend', legend))
-    return page('Contacts', plotting_script(), parts, origin())
-
-
-def _events_table(robot: Robot, bag: SearchedBag) -> Html:
-    if not bag.events:
-        return paragraph('No event: the model explains the torque in the whole recording.')
-    rows: list[list[object]] = []
-    for event, place in zip(bag.events, bag.places, strict=True):
-        force = at = '–'
-        if place is not None:
-            vector = ', '.join(f'{value:.3g}' for value in place.force)
-            force = f'{"" if place.is_determined else "at least "}({vector})'
-            at = f'{place.link} ({", ".join(f"{value:.2f}" for value in place.point)})'
-        if event.cause is Cause.PAYLOAD:
-            force = f'{event.mass:.3g} ± {event.mass_std:.2g} kg'
-        times = (event.begin, event.end - event.begin)
-        torque = (float(event.torque[event.joint]), event.ratio)
-        joint = robot.joint_names[event.joint]
-        rows.append([*times, event.cause.value, joint, *torque, force, at])
-    headings = ['begin [s]', 'length [s]', 'cause', 'joint', 'torque [Nm]', 'ratio']
-    return table([*headings, 'force [N] or mass', 'link (contact point in link frame [m])'], rows)
+    return page('Contacts', plotting_script(), [*parts, paragraph(legend, 'note')], origin())
 
 
 def _figure(number: int, bag: SearchedBag) -> Html:

@@ -7,7 +7,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,15 +25,12 @@ from aerarm_ros.excitation.settings import (
     ExcitationError,
     InfeasibleError,
     load_excitation_config,
-    one_per_joint,
 )
 from aerarm_ros.excitation.trajectory_designer import (
-    BOTH,
     DesignResult,
     DesignSpecification,
     TrajectoryDesigner,
 )
-from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.process.process_end import ProgressLine
 
 
@@ -57,22 +54,6 @@ def whole_periods(duration: float, fundamental: float) -> int:
     return whole
 
 
-def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
-    """Return the standard deviations of torque noise per joint [Nm], None without `--torque-noise`.
-
-    Raises
-    ------
-    ExcitationError
-        If the number of values is neither 1 nor `joints`, or a value is not positive.
-    """
-    if options.torque_noise is None:
-        return None
-    noise = one_per_joint('torque noise', options.torque_noise, joints)
-    if not (np.isfinite(noise) & (noise > 0.0)).all():
-        raise ExcitationError(f'--torque-noise {noise.tolist()} is invalid: pass positive values')
-    return noise
-
-
 def load_setup(
     urdf: Path | Robot | None,
     config: Path | None,
@@ -80,7 +61,7 @@ def load_setup(
     bias: Sequence[float] | None = None,
     locked: Sequence[str] = (),
     package_directories: Sequence[Path] = (),
-    limits: Mapping[str, npt.ArrayLike] | None = None,
+    acceleration_limit: npt.ArrayLike | None = None,
 ) -> ExcitationSetup:
     """Return model, limits and clearances of an arm, by default of the packaged arm.
 
@@ -90,9 +71,8 @@ def load_setup(
         Configuration of the arm's drives, None for the packaged arm or an arm without known drives.
     bias
         Centre of the motion (n,) [rad], by default that of the file `excitation_config`.
-    limits
-        `acceleration_limit`, `current_limit` and `torque_per_ampere` of an arm without known
-        drives, see `ExcitationSetup.of_robot`.
+    acceleration_limit
+        Largest joint accelerations [rad/s^2] of an arm without known drives.
 
     Raises
     ------
@@ -106,11 +86,12 @@ def load_setup(
         settings = replace(settings, bias=tuple(float(value) for value in bias))
     if urdf is not None and config is None:
         robot = urdf if isinstance(urdf, Robot) else load_robot(urdf, locked=locked)
-        return ExcitationSetup.of_robot(robot, settings, package_directories, **(limits or {}))
-    if limits:
+        limit = np.inf if acceleration_limit is None else acceleration_limit
+        return ExcitationSetup.of_robot(robot, settings, package_directories, limit)
+    if acceleration_limit is not None:
         raise ExcitationError(
-            f'{", ".join(limits)} cannot be combined with the configuration of the drives (config),'
-            ' which contains these limits: remove one of them'
+            'acceleration_limit cannot be combined with the configuration of the drives (config), '
+            'which contains this limit: remove one of them'
         )
     arm = load_arm_config(config)
     if isinstance(urdf, Robot):
@@ -122,10 +103,9 @@ def load_setup(
 
 def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
     """Return model, limits and clearances for the options of the designer, see `load_setup`."""
-    names = ('acceleration_limit', 'current_limit', 'torque_per_ampere')
-    limits = {name: values for name in names if (values := getattr(options, name)) is not None}
     files = (options.urdf, options.config, options.excitation_config)
-    return load_setup(*files, options.bias, options.locked, options.package_directory, limits)
+    folders, acceleration = options.package_directory, options.acceleration_limit
+    return load_setup(*files, options.bias, options.locked, folders, acceleration)
 
 
 NAME = 'excitation_designer'
@@ -168,10 +148,8 @@ class DesignRun:
             setup,
             options.fundamental,
             options.harmonics,
-            options.objective,
             options.condition_limit,
             options.amplitude,
-            torque_noise(options, setup.robot.n),
             options.seed,
         )
         self._designer = TrajectoryDesigner(self._specification)
@@ -241,7 +219,7 @@ class DesignRun:
                 'larger --time-limit'
             )
         condition, limit = best.quality.condition_number, self._specification.condition_limit
-        if self._specification.objective == BOTH and condition > limit:
+        if condition > limit:
             warnings.append(
                 f'the condition number {condition:.1f} (thesis, 5.2) exceeds its limit of '
                 f'{limit:g} (--condition-limit); the binding limit is {best.report.binding}. Try '
@@ -253,7 +231,7 @@ class DesignRun:
             for text, values in (
                 ('acceleration (--acceleration-limit)', limits.acceleration),
                 ('torque (URDF)', limits.effort),
-                ('motor current (--config, or --current-limit)', limits.current),
+                ('motor current (--config)', limits.current),
             )
             if not np.isfinite(values).any()
         ]
