@@ -161,9 +161,9 @@ class ForceSettings(NamedTuple):
         Distance of the approach after which the tool stops without a wall [m].
     contact_force : float
         Force from which the approach counts as contact [N].
-    ramp : float
+    force_ramp : float
         Rate at which the force changes [N/s].
-    gain : float
+    force_gain : float
         Gain of the force's integral feedback [1/s].
     travel_max : float
         Distance along the force by which the tool may move in contact before it stops [m].
@@ -173,8 +173,8 @@ class ForceSettings(NamedTuple):
     approach_speed: float = 0.03
     approach_max: float = 0.2
     contact_force: float = 1.5
-    ramp: float = 5.0
-    gain: float = 4.0
+    force_ramp: float = 5.0
+    force_gain: float = 4.0
     travel_max: float = 0.01
 
 
@@ -354,10 +354,10 @@ class ToolForce:
     def _press(self, at: float, now: float, dt: float) -> None:
         settings = self.settings
         self._along = at
-        step = settings.ramp * dt
+        step = settings.force_ramp * dt
         self.planned += min(max(self.set_force - self.planned, -step), step)
         most = max(_CORRECTION, _CORRECTION_SHARE * self.set_force)
-        self._correction += dt * settings.gain * (self.planned - self.force)
+        self._correction += dt * settings.force_gain * (self.planned - self.force)
         self._correction = min(max(self._correction, -most), most)
         self._commanded = max(0.0, self.planned + self._correction)
         if self.force > _LOST_SHARE * self.planned:

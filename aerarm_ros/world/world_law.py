@@ -60,7 +60,7 @@ class WorldGains(NamedTuple):
     ----------
     kp, kd : float
         Gains of the tool's position [1/s^2], [1/s].
-    orientation : float
+    orientation_weight : float
         Weight of the orientation relative to the posture, in the null space of the tool's position
         [-].
     posture_kp, posture_kd : float
@@ -71,7 +71,7 @@ class WorldGains(NamedTuple):
 
     kp: float = 400.0
     kd: float = 40.0
-    orientation: float = 1.0
+    orientation_weight: float = 1.0
     posture_kp: float = 4.0
     posture_kd: float = 4.0
     joint_kp: float = 400.0
@@ -254,7 +254,7 @@ class WorldLaw:
         task = linear - (answer[:3] + np.array([cross(c, place) for c in answer[3:].T]).T)
         self.jacobian, self.task = linear, task
         preferred = self._preferred(q, dq)
-        if reference.rotation is not None and gains.orientation:
+        if reference.rotation is not None and gains.orientation_weight:
             turning = angular - answer[3:]
             wanted_spin = self._spin(transform, reference.rotation, pose, angular @ dq)
             preferred = self._with_orientation(
@@ -307,7 +307,7 @@ class WorldLaw:
         found = self._inverse.of(task)
         free = turning @ found.null_space
         left = spin - turning @ (found.inverse @ place)
-        weight = self.gains.orientation
+        weight = self.gains.orientation_weight
         matrix = weight * free.T @ free + np.eye(len(preferred))
         solution = np.linalg.solve(matrix, weight * free.T @ left + preferred)
         return np.asarray(solution, dtype=float)

@@ -26,8 +26,10 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.nodes.controllers import computed_torque, gravity_compensation
+from aerarm_ros.nodes.controllers.computed_torque import ComputedTorqueNode
+from aerarm_ros.nodes.controllers.gravity_compensation import GravityCompensationNode
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
+from aerarm_ros.ros.controllers.trajectory_input import TrajectoryController
 from aerarm_ros.ros.emulation.emulation_parameters import PAYLOAD_RADIUS
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.backlash_plant import BacklashPlant
@@ -37,18 +39,10 @@ SETTLED = 5e-3  # [rad] distance from the goal
 STOPPED = 0.01  # [rad/s] joint_trajectory_controller's stopped_velocity_tolerance
 REVERSAL = 2e-4  # [rad] smallest reversal of a joint that counts, about four encoder counts
 # Servers of the action by name, with parameters that differ from the defaults.
-CONTROLLERS: Mapping[str, tuple[Any, Any, Mapping[str, Any]]] = {
-    'computed_torque': (computed_torque, computed_torque.ComputedTorqueNode, {}),
-    'computed_torque, boards': (
-        computed_torque,
-        computed_torque.ComputedTorqueNode,
-        {'feedback': 'boards'},
-    ),
-    'gravity_compensation': (
-        gravity_compensation,
-        gravity_compensation.GravityCompensationNode,
-        {},
-    ),
+CONTROLLERS: Mapping[str, tuple[type[TrajectoryController], Mapping[str, Any]]] = {
+    'computed_torque': (ComputedTorqueNode, {}),
+    'computed_torque, boards': (ComputedTorqueNode, {'feedback': 'boards'}),
+    'gravity_compensation': (GravityCompensationNode, {}),
 }
 _QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
 
@@ -136,13 +130,14 @@ class GoalBench:
         stiction: float = 0.0,
         **parameters: Any,
     ) -> None:
-        module, node, fixed = CONTROLLERS[controller]
-        values = SimpleNamespace(**{p.name: p.default for p in module.PARAMETERS})
-        vars(values).update({**fixed, **parameters})
-        arm = ControlledArm.from_parameters(values)
-        self._made = SimpleNamespace(values=values, arm=arm, base=arm.base(values))
-        self.loop = node.make_loop(self._made)
-        self.follower = self._made.follower
+        kind, fixed = CONTROLLERS[controller]
+        node = kind.__new__(kind)  # without its ROS node
+        defaults = {p.name: p.default for p in kind.parameters}
+        node.values = SimpleNamespace(**{**defaults, **fixed, **parameters})
+        arm = node.arm = ControlledArm.from_parameters(node.values)
+        node.base = arm.base(node.values)
+        self.loop = node.make_loop()
+        self.follower = node.follower
         self.goals = TrajectoryGoals(self.follower)
         self.names = arm.config.joint_names
         self._random = np.random.default_rng(seed)

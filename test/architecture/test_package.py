@@ -48,7 +48,7 @@ def test_every_executable_has_a_main(wheel: Path) -> None:
         name, target = (part.strip() for part in line.split('='))
         assert target == f'aerarm_ros.executables:{name}'
         module = command_modules()[name].replace('.', '/')
-        assert 'def main(' in content.read(f'{module}.py').decode()
+        assert re.search(r'\n(def main\(|main = )', content.read(f'{module}.py').decode())
 
 
 def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:

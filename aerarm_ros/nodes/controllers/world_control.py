@@ -6,9 +6,10 @@ Without a target the tool stays where it is when control starts. The node needs 
 imu, rotor_command and joint_states.
 """
 
-import sys
-from collections.abc import Sequence
+from collections.abc import Callable
 from contextlib import suppress
+from inspect import signature
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,27 +18,24 @@ from numpy.typing import NDArray
 
 from aerarm_ros.control.base.base_motion import ImuSample, Mount
 from aerarm_ros.control.base.free_base_estimator import FREE, AnswerCorrection, FreeBaseEstimator
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import RejectedInputError
-from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import JointReference
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
-    FRICTION_PARAMETERS,
     PAYLOAD,
-    REACHING_COMPENSATION,
     ROTOR_PARAMETERS,
     ControlledArm,
-    observer_parameters,
+    torque_parameters,
 )
-from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.tool_topics import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.ros.controllers.world_topics import WorldTopics
 from aerarm_ros.ros.diagnostics import TOOL_FORCE, TOOL_FORCE_PHASE
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
-from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.flight_stream import to_odometry_sample
 from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
 from aerarm_ros.world.reach import ArmReach
@@ -45,8 +43,6 @@ from aerarm_ros.world.rotor_governor import ReactionLimit
 from aerarm_ros.world.tool_force import ForceSettings, ToolForce, ToolForceObserver
 from aerarm_ros.world.world_law import WorldGains, WorldLaw
 from aerarm_ros.world.world_reference import WorldToolReference, planned_joints
-
-NAME = 'world_control'
 
 _GAINS = WorldGains()
 _FORCE = ForceSettings()
@@ -59,12 +55,7 @@ _MASS_RATIO = 1.6
 
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
-    *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
-    # Friction compensation by measured velocity stays below one, so that the arm is passive.
-    Parameter('friction_fraction', 0.9, 'fraction of the modelled joint friction that the '
-                                        'controller compensates', '', 0.0, 0.95),
-    *observer_parameters(REACHING_COMPENSATION),
-    *PAYLOAD_COMPENSATION_PARAMETERS,
+    *torque_parameters(friction_fraction=0.9, friction_max=0.95),
     *(p for p in ROTOR_PARAMETERS if p.name == 'rotor_share'),
     *grouped(
         'Tool position in the world',
@@ -72,7 +63,7 @@ PARAMETERS = controller_parameters(
             'feedback gain on the tool position error', '1/s^2', 1.0, 2500.0, live=True),
         Parameter('kd', _GAINS.kd,
             'feedback gain on the tool velocity error', '1/s', 0.0, 200.0, live=True),
-        Parameter('orientation_weight', _GAINS.orientation, (
+        Parameter('orientation_weight', _GAINS.orientation_weight, (
             'weight of the orientation goal relative to the posture goal, in directions that the '
             'position goal leaves free'
         ), '', 0.0, 100.0),
@@ -124,9 +115,9 @@ PARAMETERS = controller_parameters(
         Parameter('contact_force', _FORCE.contact_force,
             'estimated force above which the controller assumes that the approaching tool has '
             'reached the wall', 'N', 0.2, 50.0),
-        Parameter('force_ramp', _FORCE.ramp, 'rate at which the commanded force changes',
+        Parameter('force_ramp', _FORCE.force_ramp, 'rate at which the commanded force changes',
         'N/s', 0.1, 100.0),
-        Parameter('force_gain', _FORCE.gain,
+        Parameter('force_gain', _FORCE.force_gain,
             'gain of the integral feedback of the contact force error', '1/s', 0.1, 20.0),
         Parameter('travel_max', _FORCE.travel_max, (
             'distance that the tool may move along the force during contact before the '
@@ -153,29 +144,12 @@ class WorldControlNode(ControllerNode):
 
     takes_odometry = True
 
-    def __init__(self) -> None:
-        super().__init__(NAME, PARAMETERS)
+    parameters = PARAMETERS
 
-    def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and the control loop."""
+    def make_follower(self) -> WorldToolReference:
+        """Return the source of the tool's references, with the estimator of the base's pose."""
         values, arm = self.values, self.arm
-        dynamics, friction = arm.dynamics(values), arm.friction(values)
         kinematics = Kinematics(arm.robot, values.frame)
-        if isinstance(self.base, FreeBaseEstimator):
-            _require_heavy_drone(arm, sum(getattr(values, PAYLOAD)[:1]), values.mass_ratio_min)
-            self.base.correction = AnswerCorrection(
-                values.correction_cutoff, values.accelerometer_bias, values.trust_min
-            )
-        gains = WorldGains(
-            values.kp,
-            values.kd,
-            orientation=values.orientation_weight,
-            posture_kp=values.posture_kp,
-            posture_kd=values.posture_kd,
-        )
-        self._inverse = inverse = DampedInverse(values.singular_threshold, values.singular_damping)
-        posture = values.posture or None
-        self.law = WorldLaw(dynamics, kinematics, arm.limits, posture, gains, inverse, friction)
         mount = Mount.aligned() if arm.drone is None else Mount.from_drone(arm.drone)
         if values.imu_frame:
             mount = Mount.from_robot(arm.robot, values.imu_frame)
@@ -188,28 +162,45 @@ class WorldControlNode(ControllerNode):
         )
         slow = TargetFollower(kinematics, _RECOVERY[0], values.recovery_speed, _RECOVERY[1])
         reach = ArmReach(Kinematics(arm.robot, values.frame), arm.limits)
+        followers = make_target_follower(values, arm), slow
         self.reference = WorldToolReference(
-            self.pose,
-            kinematics,
-            (make_target_follower(values, arm), slow),
-            reach.beyond_any,
-            values.error_max,
+            self.pose, kinematics, followers, reach.beyond_any, values.error_max
         )
+        self.reference.governor = arm.governor(values)
+        return self.reference
+
+    def make_law(self, dynamics: MovingBaseDynamics, friction: FrictionCompensation) -> WorldLaw:
+        """Return the control law."""
+        values, arm = self.values, self.arm
+        if isinstance(self.base, FreeBaseEstimator):
+            _require_heavy_drone(arm, sum(getattr(values, PAYLOAD)[:1]), values.mass_ratio_min)
+            self.base.correction = AnswerCorrection(
+                values.correction_cutoff, values.accelerometer_bias, values.trust_min
+            )
         self._planning = Kinematics(arm.robot, values.frame)
-        if (governor := arm.governor(values)) is not None:
-            self.law.limit = ReactionLimit(governor)
-            self.reference.governor = governor
-        observer = arm.observer(values, dynamics, friction)
+        self._inverse = inverse = DampedInverse(values.singular_threshold, values.singular_damping)
+        kinematics, posture = Kinematics(arm.robot, values.frame), values.posture or None
+        gains = _settings(WorldGains, values)
+        law = WorldLaw(dynamics, kinematics, arm.limits, posture, gains, inverse, friction)
+        if self.reference.governor is not None:
+            law.limit = ReactionLimit(self.reference.governor)
+        return law
+
+    def make_observer(
+        self, dynamics: MovingBaseDynamics, friction: FrictionCompensation
+    ) -> ToolForceObserver | None:
+        """Return the disturbance observer, which also estimates the force of the tool."""
+        values, arm = self.values, self.arm
         self._measured = None
-        if observer is not None:
-            self._measured = arm.measured_base(values)
-            observer = ToolForceObserver(
-                self.law, dynamics, values.observer_gain, self.base, self._measured, friction,
-                _FRICTION_ERROR * arm.robot.coulomb,
-            )  # fmt: skip
-            self.reference.force = ToolForce(observer, _force_settings(values))
-        limit = arm.compensation_max(values)
-        return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)
+        if values.observer_gain == 0.0:
+            return None
+        self._measured = arm.measured_base(values)
+        observer = ToolForceObserver(
+            self.law, dynamics, values.observer_gain, self.base, self._measured, friction,
+            _FRICTION_ERROR * arm.robot.coulomb,
+        )  # fmt: skip
+        self.reference.force = ToolForce(observer, _settings(ForceSettings, values))
+        return observer
 
     def subscribe(self) -> None:
         """Subscribe to targets; create publishers of planned motion, tool pose and reach."""
@@ -311,22 +302,10 @@ def _require_heavy_drone(arm: ControlledArm, payload: float, least: float) -> No
         )
 
 
-def _force_settings(values: Any) -> ForceSettings:
-    return ForceSettings(
-        force_max=values.force_max,
-        approach_speed=values.approach_speed,
-        approach_max=values.approach_max,
-        contact_force=values.contact_force,
-        ramp=values.force_ramp,
-        gain=values.force_gain,
-        travel_max=values.travel_max,
-    )
+def _settings(kind: Callable[..., Any], values: SimpleNamespace) -> Any:
+    """Return settings whose fields have the values of the parameters with the same names."""
+    given = vars(values)
+    return kind(**{name: given[name] for name in signature(kind).parameters if name in given})
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run_node(NAME, WorldControlNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = WorldControlNode.main

@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.checks import JointLimits, RejectedInputError, non_negative
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.control.contact_reaction import ContactReaction
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
@@ -36,25 +36,15 @@ from aerarm_ros.motion.signals import JointReference, Reaction
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
-    FRICTION_PARAMETERS,
-    REACHING_COMPENSATION,
     REACTION,
     REACTION_PARAMETERS,
-    observer_parameters,
-    scalar_or_array,
+    torque_parameters,
 )
-from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.state_node import Attendant
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.messages import seconds
 
-TRAJECTORY_PARAMETERS = (
-    *FRICTION_PARAMETERS,
-    *observer_parameters(REACHING_COMPENSATION),
-    *PAYLOAD_COMPENSATION_PARAMETERS,
-    *FOLLOWER_PARAMETERS,
-    *REACTION_PARAMETERS,
-)
+TRAJECTORY_PARAMETERS = (*torque_parameters(), *FOLLOWER_PARAMETERS, *REACTION_PARAMETERS)
 """Parameters of every controller derived from `TrajectoryController`."""
 
 # [s] A trajectory may start at most this long before and after the present time.
@@ -155,15 +145,16 @@ class TrajectoryController(ControllerNode):
 
     Attributes
     ----------
-    follower, law
-        Trajectory follower and control law, which `make_loop` creates.
     reaction
         Reaction to contact, which `subscribe` creates.
     """
 
     follower: TrajectoryFollower
-    law: Any
     reaction: ContactReaction
+
+    def make_follower(self) -> TrajectoryFollower:
+        """Return the follower of trajectories and set points."""
+        return self.arm.follower(self.values)
 
     def ahead(self, times: npt.NDArray[np.float64]) -> JointReference | None:
         """Return the planned references at times (M,) [s]."""
@@ -186,17 +177,12 @@ class TrajectoryController(ControllerNode):
         """Return a message's trajectory and start time, as the function `read_trajectory` does."""
         return read_trajectory(self.follower.limits, message, now, self.follower.reference.q)
 
-    def check_parameter(self, name: str, value: Any) -> None:
-        """Raise ValueError unless a new gain has one value, or one per joint."""
-        if name in ('kp', 'kd'):
-            non_negative(name, scalar_or_array(value), self.arm.config.n)
-
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change the control gains or the reaction to contact."""
+        """Change the reaction to contact, or an attribute of the law."""
         if name == REACTION:
             self.reaction.reaction = Reaction(value)
         else:
-            setattr(self.law, name, non_negative(name, scalar_or_array(value), self.arm.config.n))
+            super().on_parameter(name, value)
 
     def describe(self) -> dict[str, object]:
         """Return the state of the present and of the last motion, for /diagnostics."""

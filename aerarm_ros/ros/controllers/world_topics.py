@@ -8,19 +8,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, Quaternion, WrenchStamped
-from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.base.base_motion import quaternion, rotation_matrix
+from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.controllers.state_node import Attendant
+from aerarm_ros.ros.controllers.tool_topics import pose_message
 from aerarm_ros.ros.executors import create_steady_timer
-from aerarm_ros.ros.messages import fill, seconds, vector, wrench, wrench_message
 from aerarm_ros.ros.messages import quaternion as quaternion_of
+from aerarm_ros.ros.messages import seconds, vector, wrench, wrench_message
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.world.base_pose import BasePose
 from aerarm_ros.world.reach import DIRECTIONS, ArmReach, DroneRequest, ReachMargin
@@ -259,14 +260,6 @@ class WorldTopics(Attendant):
             turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
             header = base_header(round(now * 1e9), self.frame)
             self._requests.publish(pose_message(header, wanted.position, turn))
-
-
-def pose_message(header: Header, place: Array, rotation: Array) -> PoseStamped:
-    """Return a pose message with position `place` (3,) [m] and rotation matrix (3, 3)."""
-    message = PoseStamped(header=header)
-    fill(message.pose.position, place)
-    fill(message.pose.orientation, quaternion(rotation))
-    return message
 
 
 def _rotation(what: str, part: Quaternion) -> Array | None:
