@@ -1,14 +1,11 @@
-"""Remaining reach of the arm under a moving drone, and the preferred position of the drone."""
+"""Remaining reach of the arm under a moving drone."""
 
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from aerarm_ros.control.checks import JointLimits, finite, positive
+from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
-from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.flight.flight_state import FlightTarget, yaw_of
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.world.base_pose import BasePose
@@ -110,62 +107,3 @@ class ArmReach:
             turn = turn * min(1.0, _LARGEST_TURN / largest) if largest > 0.0 else turn
             q = np.minimum(np.maximum(q + turn, self._low), self._high)
         return q, float(np.linalg.norm(place - self._kinematics.position(q)))
-
-
-class DroneRequest:
-    """Slow set point for the drone, which keeps the arm in the middle of its reach.
-
-    The requested position depends on the tool's target and on the heading at the start of the
-    request. The request does not depend on the drone's position or the arm's posture, so it closes
-    no feedback loop. Once its goal is further away than `deadband`, the request moves to the goal
-    at `speed`; until then the request stays constant.
-
-    Parameters
-    ----------
-    middle : (n,) array_like
-        Posture in which the arm is in the middle of its reach [rad].
-    speed : float
-        Speed at which the request moves [m/s].
-    deadband : float
-        Distance of the request from its goal beyond which the request begins to move [m].
-    """
-
-    def __init__(
-        self,
-        kinematics: Kinematics,
-        drone: DroneConfig,
-        middle: npt.ArrayLike,
-        speed: float = 0.05,
-        deadband: float = 0.03,
-    ) -> None:
-        rotation, mount = drone.mount.rotation, np.array(drone.mount.position)
-        posture = finite('middle', middle, kinematics.robot.n)
-        self._to_mount, self._mount = rotation, mount
-        self._tool = mount + rotation @ kinematics.position(posture)  # in body axes
-        self._speed, self._deadband = positive('speed', speed), positive('deadband', deadband)
-        self.reset()
-
-    def reset(self) -> None:
-        """Restart the request at the next received position of the drone."""
-        self._place: Array | None = None
-        self._yaw = 0.0
-        self._time = 0.0
-        self._moves = False
-
-    def update(self, now: float, target: Array, pose: BasePose) -> FlightTarget:
-        """Return the drone position to request at `now` [s], for a tool target (3,)."""
-        body = pose.rotation @ self._to_mount.T
-        place = self._place  # another thread may reset the request
-        if place is None:
-            place = pose.position - body @ self._mount
-            self._yaw, self._time = yaw_of(body), now
-        step, self._time = min(max(now - self._time, 0.0), 1.0), now
-        c, s = np.cos(self._yaw), np.sin(self._yaw)
-        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        way = target - turned @ self._tool - place
-        left = float(np.linalg.norm(way))
-        self._moves = left > (1e-6 if self._moves else self._deadband)
-        if self._moves:
-            place = place + min(1.0, self._speed * step / left) * way
-        self._place = place
-        return FlightTarget(place, self._yaw)

@@ -15,6 +15,7 @@ from aerarm_ros.ros.controllers.trajectory_input import TRAJECTORY_PARAMETERS, T
 from aerarm_ros.ros.parameters.parameter import Parameter
 
 HOST, BOARDS = 'host', 'boards'
+INTEGRAL_MAX = 20.0  # [rad/s^2] largest acceleration that the integral action commands
 
 PARAMETERS = controller_parameters(
     *TRAJECTORY_PARAMETERS,
@@ -34,8 +35,6 @@ PARAMETERS = controller_parameters(
         "feedback 'host' (0.00159 s for 100 Hz)", 's', 0.0, 0.02),
     Parameter('ki', 0.0,
         'gain of the integral action; 0 for no integral action', '1/s^3', 0.0, 1e6),
-    Parameter('integral_max', 20.0,
-        'largest joint acceleration that the integral action commands', 'rad/s^2', 0.0, 1e4),
 )  # fmt: skip
 
 
@@ -51,7 +50,7 @@ class ComputedTorqueNode(TrajectoryController):
         values, n = self.values, self.arm.config.n
         integral = None
         if values.ki > 0.0:
-            integral = ErrorIntegral(np.full(n, values.ki), np.full(n, values.integral_max))
+            integral = ErrorIntegral(np.full(n, values.ki), np.full(n, INTEGRAL_MAX))
         if values.feedback == BOARDS:
             return BoardComputedTorque(dynamics, integral, friction)
         self._feedback_gain = self.arm.feedback_gain(values)

@@ -19,11 +19,6 @@ PARAMETERS = controller_parameters(
     Parameter('damping', [40.0],
         'translational damping of the tool, one value or one per axis x, y, z',
         'Ns/m', 0.0, 1e4, live=True),
-    Parameter('rest_stiffness', 2.0,
-        'joint stiffness towards the home configuration, in the null space of the tool',
-        'Nm/rad', 0.0, 100.0),
-    Parameter('rest_damping', 0.3,
-        'joint damping in the null space of the tool', 'Nms/rad', 0.0, 100.0),
 )  # fmt: skip
 
 
@@ -43,9 +38,7 @@ class ImpedanceControlNode(ToolController):
             scalar_or_array(values.stiffness),
             scalar_or_array(values.damping),
             arm.config.rest_position,
-            values.rest_stiffness,
-            values.rest_damping,
-            friction,
+            friction=friction,
         )
 
     def subscribe(self) -> None:

@@ -26,20 +26,6 @@ PARAMETERS = controller_parameters(
         choices=(JOINT, CARTESIAN)),
     Parameter('gain', 8.0,
         'feedback gain K: position errors decay as exp(-K t)', '1/s', 0.0, 100.0),
-    Parameter('singular_threshold', 0.03,
-        'singular value of the Jacobian below which its inverse is damped', 'm/rad', 1e-4, 1.0),
-    Parameter('singular_damping', 0.02,
-        'damping of the inverse Jacobian at a singularity', 'm/rad', 1e-4, 1.0),
-    Parameter('rest_gain', 0.5,
-        'gain of the null-space motion towards the home configuration, which does not move the '
-        'tool', '1/s', 0.0,
-        20.0),
-    Parameter('limit_gain', 5.0,
-        'gain of the motion away from a position limit', '1/s', 0.1, 100.0),
-    Parameter('limit_margin', 0.02,
-        'distance from a position limit below which the joint moves away from the limit',
-        'rad', 0.0,
-        1.0),
 )  # fmt: skip
 
 
@@ -56,10 +42,7 @@ class KinematicControlNode(ToolController):
             Kinematics(arm.robot, values.frame),
             arm.limits,
             arm.config.rest_position,
-            DampedInverse(values.singular_threshold, values.singular_damping),
-            values.rest_gain,
-            values.limit_gain,
-            values.limit_margin,
+            DampedInverse(),
         )
         scheme = CartesianMotionControl if values.scheme == CARTESIAN else JointMotionControl
         self.law = scheme(self.resolution, values.gain)

@@ -49,6 +49,8 @@ _FORCE = ForceSettings()
 _SOON = 3.0  # [s] before the tool leaves the arm's reach, for a warning
 _NEAR = 0.02  # [m]
 _FRICTION_ERROR = 0.5  # expected error of a joint's dry friction, relative to the friction
+# Smallest weight of the predicted base motion; wind lowers the estimated weight.
+_TRUST = 0.9
 _RECOVERY = 5.0, 0.5  # [rad/s], [m/s^2] of the slow approach after a stop
 # With the default gains, drones of 1.3 times the arm's mass crashed, those of 1.7 times did not.
 _MASS_RATIO = 1.6
@@ -72,10 +74,6 @@ PARAMETERS = controller_parameters(
             'approaches; the initial configuration if empty'
         ), 'rad', -7.0, 7.0,
                   element=float),
-        Parameter('posture_kp', _GAINS.posture_kp,
-            'stiffness of the null-space motion towards posture', '1/s^2', 0.0, 400.0),
-        Parameter('posture_kd', _GAINS.posture_kd,
-            'damping of the null-space motion towards posture', '1/s', 0.0, 40.0),
         Parameter('singular_threshold', 0.06,
             'singular value of the generalized Jacobian below which its inverse is damped',
             'm/rad', 1e-4, 1.0),
@@ -84,10 +82,6 @@ PARAMETERS = controller_parameters(
         Parameter('error_max', 0.05,
             'tool position error at which the controller stops the tool relative to the base',
                   'm', 1e-3, 1.0),
-        Parameter('trust_min', 0.9, (
-            'lower limit of the weight that the controller gives to the predicted base motion; '
-            'the controller estimates the weight, and wind lowers the estimate'
-        ), '', 0.0, 1.0),
         Parameter('mass_ratio_min', _MASS_RATIO, (
             'smallest ratio of the mass of the drone to the mass of arm and payload that the node '
             'accepts with base_motion free; lighter drones need lower gains'
@@ -123,18 +117,6 @@ PARAMETERS = controller_parameters(
             'distance that the tool may move along the force during contact before the '
             'controller stops the tool'
         ), 'm', 1e-3, 0.5),
-    ),
-    *grouped(
-        'Set point for the drone',
-        Parameter('request_drone', False,
-            'whether the node publishes on flight_set_point the drone position at which the '
-            'arm is in the middle of its reach'),
-        Parameter('request_speed', 0.05, "velocity at which the drone's set point moves",
-        'm/s', 1e-3, 1.0),
-        Parameter('request_deadband', 0.03,
-            'distance between the set point and the drone position at which the arm is in the '
-            'middle of its reach; below this distance the set point stays constant', 'm', 1e-3,
-                  1.0),
     ),
 )  # fmt: skip
 
@@ -174,9 +156,7 @@ class WorldControlNode(ControllerNode):
         values, arm = self.values, self.arm
         if isinstance(self.base, FreeBaseEstimator):
             _require_heavy_drone(arm, sum(getattr(values, PAYLOAD)[:1]), values.mass_ratio_min)
-            self.base.correction = AnswerCorrection(
-                values.correction_cutoff, values.accelerometer_bias, values.trust_min
-            )
+            self.base.correction = AnswerCorrection(values.correction_cutoff, trust_min=_TRUST)
         self._planning = Kinematics(arm.robot, values.frame)
         self._inverse = inverse = DampedInverse(values.singular_threshold, values.singular_damping)
         kinematics, posture = Kinematics(arm.robot, values.frame), values.posture or None

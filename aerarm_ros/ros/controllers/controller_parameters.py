@@ -80,10 +80,6 @@ ARM_PARAMETERS = grouped(
         "frequency above which the controller, with base_motion 'free', uses the predicted "
         'instead of the measured base acceleration',
         'Hz', 0.01, 0.5),
-    Parameter('accelerometer_bias', 0.2,
-        "largest bias of the IMU's acceleration that the controller, with base_motion 'free', "
-        'estimates and subtracts',
-        'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
 LOOP_PARAMETERS = grouped(
@@ -331,7 +327,7 @@ class ControlledArm:
             RotorWrench(drone, values.imu_hold_time, values.rotor_latency),
             self.whole_body(values, drone),
             self._mount(values) or Mount.aligned(),
-            AnswerCorrection(values.correction_cutoff, values.accelerometer_bias),
+            AnswerCorrection(values.correction_cutoff),
             values.imu_hold_time,
             values.imu_fade_time,
             values.imu_latency,

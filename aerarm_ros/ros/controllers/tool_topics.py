@@ -23,9 +23,6 @@ from aerarm_ros.ros.states.state_stream import base_header
 
 TARGET_PARAMETERS = (
     Parameter('frame', 'tool0', 'link that the controller moves to the Cartesian targets'),
-    Parameter('target_frequency', 15.0,
-        'natural frequency of the second-order filter that moves the reference to the target',
-        'rad/s', 0.1, 100.0),
     Parameter('tool_velocity_max', 0.8,
         "largest velocity of the tool's reference", 'm/s', 1e-3, 10.0),
     Parameter('tool_acceleration_max', 4.0,
@@ -37,10 +34,9 @@ def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetF
     """Create the target follower, which rejects targets beyond the length of the arm."""
     return TargetFollower(
         Kinematics(arm.robot, values.frame),
-        values.target_frequency,
-        values.tool_velocity_max,
-        values.tool_acceleration_max,
-        _stretched_length(arm, values.frame),
+        velocity_max=values.tool_velocity_max,
+        acceleration_max=values.tool_acceleration_max,
+        reach=_stretched_length(arm, values.frame),
     )
 
 

@@ -24,7 +24,7 @@ from aerarm_ros.ros.messages import quaternion as quaternion_of
 from aerarm_ros.ros.messages import seconds, vector, wrench, wrench_message
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.world.base_pose import BasePose
-from aerarm_ros.world.reach import DIRECTIONS, ArmReach, DroneRequest, ReachMargin
+from aerarm_ros.world.reach import DIRECTIONS, ArmReach, ReachMargin
 from aerarm_ros.world.tool_force import Phase
 from aerarm_ros.world.world_reference import WorldPath, WorldToolReference
 
@@ -76,7 +76,7 @@ class WorldTopics(Attendant):
         self.frame = ''
         self.margin: ReachMargin | None = None
         self.recent: deque[ReachMargin] = deque(maxlen=_RECENT)
-        self._seen: tuple[Array, BasePose, Array, Array, float] | None = None
+        self._seen: tuple[Array, BasePose, Array] | None = None
         self._posed_ns = 0
         self._poses = controller.advertise(topics.TOOL_POSE)
         self._reaches = controller.advertise(topics.ARM_REACH)
@@ -85,21 +85,6 @@ class WorldTopics(Attendant):
         self._layout = MultiArrayLayout(
             dim=[MultiArrayDimension(label=label, size=size, stride=size)]
         )
-        self._request: DroneRequest | None = None
-        if values.request_drone:
-            if arm.drone is None:
-                raise ValueError('parameter request_drone needs the drone: set drone_file')
-            if not values.posture:
-                raise ValueError(
-                    'parameter request_drone needs the posture in the middle of the reach: set '
-                    'posture, with joint 4 far from 0'
-                )
-            self._request = DroneRequest(
-                Kinematics(arm.robot, values.frame), arm.drone,
-                values.posture,
-                values.request_speed, values.request_deadband,
-            )  # fmt: skip
-            self._requests = controller.advertise(topics.FLIGHT_SET_POINT)
         controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
         controller.take_references(topics.TOOL_MOTION, self._on_motion)
         self._pressed_ns, self._pressed_until = 0, -np.inf
@@ -125,11 +110,7 @@ class WorldTopics(Attendant):
                 f'tool motion rejected: it must have 2 to {_POINTS_MAX} points, each with the '
                 'pose of one body (the tool)'
             )
-        if message.header.frame_id not in ('', self.frame):
-            raise RejectedInputError(
-                f'tool motion rejected, because its frame is {message.header.frame_id!r}: send it '
-                f'in the frame of the odometry, {self.frame!r}'
-            )
+        self._require_odometry('tool motion', message.header.frame_id)
         path = WorldPath(
             [seconds(p.time_from_start) for p in points],
             [vector(p.transforms[0].translation) for p in points],
@@ -148,13 +129,15 @@ class WorldTopics(Attendant):
                 'tool force rejected: the tool can press with a force but not with a moment: set '
                 'the torque to zero'
             )
-        frame = message.header.frame_id
+        self._require_odometry('tool force', message.header.frame_id)
+        self._reference.push(force, now)
+
+    def _require_odometry(self, what: str, frame: str) -> None:
         if frame not in ('', self.frame):
             raise RejectedInputError(
-                f'tool force rejected, because its frame is {frame!r}: send it in the frame of the '
+                f'{what} rejected, because its frame is {frame!r}: send it in the frame of the '
                 f'odometry, {self.frame!r}'
             )
-        self._reference.push(force, now)
 
     def _in_world(
         self, what: str, frame: str, place: Array, rotation: Array | None, now: float
@@ -163,7 +146,11 @@ class WorldTopics(Attendant):
         if frame in ('', self.frame):
             return place, rotation
         if frame != self._base:
-            raise RejectedInputError(self._wrong_frame(what, frame))
+            known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
+            raise RejectedInputError(
+                f'{what} rejected, because no node publishes the base pose in frame {frame!r}: '
+                f'send the {what} in frame {known}'
+            )
         problem = self._reference.base.problem(now)
         if problem:
             self._reference.base.accept_next()
@@ -173,13 +160,6 @@ class WorldTopics(Attendant):
         pose = self._reference.base.pose(now)
         turned = None if rotation is None else pose.rotation @ rotation
         return pose.to_world(place), turned
-
-    def _wrong_frame(self, what: str, frame: str) -> str:
-        known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
-        return (
-            f'{what} rejected, because no node publishes the base pose in frame {frame!r}: send '
-            f'the {what} in frame {known}'
-        )
 
     # Called by the control loop.
 
@@ -198,9 +178,8 @@ class WorldTopics(Attendant):
         pose = self._reference.base.pose(now)
         transform = self._kinematics.transform(state.q)
         place = pose.to_world(transform[:3, 3])
-        goal, reference = self._reference.goal, self._reference.reference
-        held = place if reference is None else reference.p
-        self._seen = np.array(state.q), pose, held, held if goal is None else goal, now
+        reference = self._reference.reference
+        self._seen = np.array(state.q), pose, place if reference is None else reference.p
         header = base_header(stamp_ns, self.frame)
         self._poses.publish(pose_message(header, place, pose.rotation @ transform[:3, :3]))
 
@@ -238,8 +217,6 @@ class WorldTopics(Attendant):
         self._seen = self.margin = None
         if self._reference.force is not None:
             self._reference.force.reset()
-        if self._request is not None:
-            self._request.reset()
 
     # In the executor's thread.
 
@@ -249,17 +226,10 @@ class WorldTopics(Attendant):
             self.margin = None
             self.recent.clear()
             return
-        q, pose, held, goal, now = seen
-        self.margin = margin = self._reach.margin(q, pose, held)
+        self.margin = margin = self._reach.margin(*seen)
         self.recent.append(margin)
         data = [*margin.along.tolist(), margin.time]
         self._reaches.publish(Float64MultiArray(layout=self._layout, data=data))
-        if self._request is not None:
-            wanted = self._request.update(now, goal, pose)
-            c, s = np.cos(wanted.yaw), np.sin(wanted.yaw)
-            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            header = base_header(round(now * 1e9), self.frame)
-            self._requests.publish(pose_message(header, wanted.position, turn))
 
 
 def _rotation(what: str, part: Quaternion) -> Array | None:
