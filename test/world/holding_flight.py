@@ -41,7 +41,7 @@ from aerarm_ros.simulation.sensors import (
     OdometryReading,
 )
 from aerarm_ros.world.world_law import WorldGains
-from aerarm_ros.world.world_reference import WorldPath, planned_joints
+from aerarm_ros.world.world_reference import WorldPath
 
 Array = npt.NDArray[np.float64]
 Told = Callable[[OdometrySample], list[OdometrySample]]
@@ -161,7 +161,7 @@ class HoldingFlight:
         node.base = node.arm.base(node.values)
         self.loop = node.make_loop()
         self.node, self.base, self.law = node, node.base, node.law
-        self.pose, self.source, self.inverse = node.pose, node.reference, node._inverse
+        self.pose, self.source = node.pose, node.reference
 
     def run(self, seconds: float) -> None:
         """Simulate for a time [s]."""
@@ -227,11 +227,8 @@ class HoldingFlight:
         q, still, ahead = self.plant.position, np.zeros(4), now + AHEAD
         load = self._loads.evaluate(JointReference(q, still, still))
         self._feed.offer_inertia(ahead, load.mass, load.com, load.inertia)
-        times = np.array([now, ahead])
-        pose = None if self.source.reason else self.pose.pose(now)
-        planned = planned_joints(
-            self.kinematics, self.inverse, q, pose, self.source.ahead(times), times
-        )
+        self.node.state, self.node.stamp_ns = ArmState(q, still, still), round(1e9 * now)
+        planned = self.node._ahead(np.array([now, ahead]))
         motion = JointReference(*(part[1] for part in planned))
         self._feed.offer_motion(ahead, self._loads.evaluate(motion).motion)
         state = self._sight.state()
