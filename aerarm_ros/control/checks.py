@@ -121,6 +121,21 @@ class JointLimits:
             )
         return [list(names).index(name) for name in self.names]
 
+    def part(self, names: Sequence[str]) -> list[int]:
+        """Return the index of each joint in `names`, which are some of the arm's joints.
+
+        Raises
+        ------
+        RejectedInputError
+            If there is no name, a name occurs twice or belongs to no joint.
+        """
+        if not names or len(set(names)) < len(names) or not set(names) <= set(self.names):
+            raise RejectedInputError(
+                f'joint names {list(names)} do not match the arm: name joints of '
+                f'{list(self.names)}, each once'
+            )
+        return [self.names.index(name) for name in names]
+
     def including(self, q: Array) -> 'JointLimits':
         """Return limits that are widened to include the posture `q` (n,) [rad]."""
         return replace(

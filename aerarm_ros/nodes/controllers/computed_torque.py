@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from aerarm_ros.control.base.feedback_check import largest_delay
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.compensation import ErrorIntegral, FrictionCompensation
 from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, ComputedTorque
@@ -53,7 +52,6 @@ class ComputedTorqueNode(TrajectoryController):
             integral = ErrorIntegral(np.full(n, values.ki), np.full(n, INTEGRAL_MAX))
         if values.feedback == BOARDS:
             return BoardComputedTorque(dynamics, integral, friction)
-        self._feedback_gain = self.arm.feedback_gain(values)
         kp, kd = scalar_or_array(values.kp), scalar_or_array(values.kd)
         timing = values.command_delay, values.velocity_lag
         return ComputedTorque(dynamics, kp, kd, integral, friction, *timing)
@@ -77,15 +75,6 @@ class ComputedTorqueNode(TrajectoryController):
                 "instead, or set feedback to 'host'"
             )
         super().check_parameter(name, value)
-
-    def describe(self) -> dict[str, object]:
-        """Return values for /diagnostics; with a drone also the largest stable command delay."""
-        values = super().describe()
-        if self.arm.drone is not None and isinstance(self.law, ComputedTorque):
-            gains = zip(self.law.kp.tolist(), self.law.kd.tolist(), strict=True)
-            delay = min(largest_delay(self._feedback_gain, *pair) for pair in gains)
-            values['compensated delay [ms]'] = round(1e3 * delay, 1)
-        return values
 
 
 main = ComputedTorqueNode.main

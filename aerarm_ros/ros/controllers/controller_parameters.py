@@ -19,11 +19,7 @@ from aerarm_ros.control.base.base_motion_estimator import (
     NONE,
     BaseMotionEstimator,
 )
-from aerarm_ros.control.base.feedback_check import (
-    OscillationWatch,
-    check_feedback,
-    largest_feedback_gain,
-)
+from aerarm_ros.control.base.feedback_check import OscillationWatch, check_feedback
 from aerarm_ros.control.base.free_base_estimator import FREE, AnswerCorrection, FreeBaseEstimator
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
@@ -301,13 +297,6 @@ class ControlledArm:
         """Return an estimator of the measured base motion, for nodes that do not move the arm."""
         mode = FULL if values.base_motion == FREE else values.base_motion
         return self._moved_base(values, mode)
-
-    def feedback_gain(self, values: SimpleNamespace) -> float:
-        """Return the largest gain of the feedback loop that base_motion 'full' causes."""
-        if self.drone is None:
-            return 0.0
-        payload = getattr(values, PAYLOAD, [])
-        return largest_feedback_gain(self._whole(values, self.drone, payload))
 
     def whole_body(self, values: SimpleNamespace, drone: DroneConfig) -> WholeBodyDynamics:
         """Return a dynamics model of arm and drone, with the payload of the parameter."""

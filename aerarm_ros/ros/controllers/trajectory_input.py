@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -72,17 +71,15 @@ def read_trajectory(
     RejectedInputError
         If the message is not a trajectory of this arm, or its stamp lies in the past.
     """
-    points, names = message.points, list(message.joint_names)
-    others = [] if staying is None else _unnamed(limits, message)
-    held = [] if staying is None else staying[others].tolist()
-    zero = [0.0] * len(others)
+    points = message.points
     trajectory = JointTrajectory(
         limits,
-        names + [limits.names[joint] for joint in others],
+        list(message.joint_names),
         [seconds(point.time_from_start) for point in points],
-        [_filled(p.positions, held) for p in points],
-        [_filled(p.velocities, zero) for p in points],
-        [_filled(p.accelerations, zero) for p in points],
+        [point.positions for point in points],
+        [point.velocities for point in points],
+        [point.accelerations for point in points],
+        staying,
     )
     stamp = seconds(message.header.stamp)
     if stamp and not -_MAX_BEFORE <= stamp - now <= _MAX_AFTER:
@@ -92,30 +89,6 @@ def read_trajectory(
             'to zero to start at once, or check the clocks'
         )
     return trajectory, stamp or None
-
-
-def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
-    """Return the indices of omitted joints; raises RejectedInputError for invalid joint names."""
-    names = list(message.joint_names)
-    if not names or len(set(names)) < len(names) or not set(names) <= set(limits.names):
-        raise RejectedInputError(
-            f'trajectory rejected, because its joint names {names} do not match the arm: name '
-            f'joints of {list(limits.names)}, each once'
-        )
-    for what in ('positions', 'velocities', 'accelerations'):
-        counts = [len(getattr(point, what)) for point in message.points]
-        for index, count in enumerate(counts):
-            if any(counts) and count != len(names):
-                raise RejectedInputError(
-                    f'trajectory rejected, because point {index} has {count} {what} for '
-                    f'{len(names)} joints: in each point, set {what} of all joints, or omit '
-                    f'{what} in all points'
-                )
-    return [joint for joint, name in enumerate(limits.names) if name not in names]
-
-
-def _filled(given: Sequence[float], others: Sequence[float]) -> list[float]:
-    return [*given, *others] if len(given) else []
 
 
 def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: float) -> None:

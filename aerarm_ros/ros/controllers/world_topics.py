@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, Quaternion, WrenchStamped
+from geometry_msgs.msg import PoseStamped, Quaternion, Twist, WrenchStamped
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
@@ -250,8 +251,6 @@ def _rotation(what: str, part: Quaternion) -> Array | None:
     return rotation_matrix(turn / length)
 
 
-def _linear(rows: list[object]) -> list[Array] | None:
-    """Return the linear part of each point's twist, None if no point has a twist."""
-    if not any(len(row) for row in rows):  # type: ignore[arg-type]
-        return None
-    return [vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]  # type: ignore
+def _linear(twists: Sequence[Sequence[Twist]]) -> list[Array]:
+    """Return the linear part of each point's twist, empty for a point without a twist."""
+    return [vector(point[0].linear) if len(point) else np.empty(0) for point in twists]

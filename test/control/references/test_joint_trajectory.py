@@ -40,7 +40,7 @@ def test_a_first_point_in_the_future_is_reached_from_the_present(limits) -> None
         (NAMES, [np.nan], [START], 'finite'),
         (NAMES, [], [], 'no points'),
         (NAMES, [0.0], [[]], 'no positions'),
-        (NAMES, [0.0, 1.0], [START, END[:2]], 'give 4 positions for every point'),
+        (NAMES, [0.0, 1.0], [START, END[:2]], 'positions: give 4 values for every point'),
         (NAMES, [0.0], [[0.0, np.nan, 0.0, 0.0]], 'finite'),
         (NAMES, [0.0, 1.0], [START, [0.0, 4.0, 0.0, 0.0]], 'joint2 at 4 rad is outside'),
     ],

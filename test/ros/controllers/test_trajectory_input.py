@@ -45,5 +45,5 @@ def test_other_joint_names_are_rejected_as_well(names: list[str]) -> None:
 
 def test_values_are_counted_by_the_joints_that_are_named() -> None:
     wrong = message(['joint1', 'joint3'], [[0.1, 0.2]], [[0.1, 0.2, 0.3]])
-    with pytest.raises(RejectedInputError, match='point 1 has 3 positions for 2 joints'):
+    with pytest.raises(RejectedInputError, match='positions: give 2 values for every point'):
         read_trajectory(LIMITS, wrong, 0.0, HERE)
