@@ -138,7 +138,7 @@ class GoalBench:
         node.base = arm.base(node.values)
         self.loop = node.make_loop()
         self.follower = node.follower
-        self.goals = TrajectoryGoals(self.follower)
+        self.goals = TrajectoryGoals(self.follower, lambda *ended: self._ended.append(ended))
         self.names = arm.config.joint_names
         self._random = np.random.default_rng(seed)
         config, robot = load_arm_config().with_encoders('absolute'), load_robot()
@@ -191,13 +191,13 @@ class GoalBench:
         trajectory = JointTrajectory(limits, self.names, [duration], [goal])
         self.goals.start('goal', trajectory, self.now)
         begin, errors, away = self.now, [], []
-        ended: list[Any] = []
+        ended = self._ended = []
         while not ended or self.now < begin + duration + rest:
             self.cycle()
             errors.append(self.follower.reference.q - self.joints)
             speed = np.abs(self.transport.plant.velocity).max()
             away.append(np.abs(self.joints - goal).max() > SETTLED or speed > STOPPED)
-            ended = ended or self.goals.update()
+            self.goals.update()
         count = round(duration / CYCLE)
         moving = np.array(errors[:count])
         outside = np.flatnonzero(away)

@@ -202,7 +202,7 @@ class TrajectoryAction(Attendant):
         self._controller = controller
         self._follower = controller.follower
         self._type = action_type
-        self._goals = TrajectoryGoals(self._follower)
+        self._goals = TrajectoryGoals(self._follower, self._end)
         self._own = self._follower.tolerances
         # Goals without a result, and goals that have ended with a result, by their ids.
         self._waiting: dict[Any, tuple[Any, Future]] = {}
@@ -225,11 +225,11 @@ class TrajectoryAction(Attendant):
 
     def update(self) -> None:
         """End the goal if the follower has reached or aborted its trajectory."""
-        self._end(self._goals.update())
+        self._goals.update()
 
     def give_up(self, reason: str) -> None:
         """Abort the active goal, because the arm is no longer controlled."""
-        self._end(self._goals.give_up(reason))
+        self._goals.give_up(reason)
 
     def destroy(self) -> None:
         """Destroy the server after the loop has ended."""
@@ -239,11 +239,10 @@ class TrajectoryAction(Attendant):
         try:
             self._controller.require_commandable(NAME)
             trajectory, start = self._controller.read(handle.request.trajectory, now)
-            ended = self._goals.start(_id(handle), trajectory, now, start, self._tolerances(handle))
+            self._goals.start(_id(handle), trajectory, now, start, self._tolerances(handle))
         except RejectedInputError as error:
-            self._end([(_id(handle), GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))])
+            self._end(_id(handle), GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))
             raise
-        self._end(ended)
 
     def _tolerances(self, handle: Any) -> FollowerTolerances:
         request = handle.request
@@ -260,10 +259,9 @@ class TrajectoryAction(Attendant):
             self._controller.reject(f'{error}; the controller uses its default tolerances')
             return self._own
 
-    def _end(self, ended: list[tuple[Any, GoalResult]]) -> None:
-        if ended:
-            self._ended += ended
-            self._news.trigger()
+    def _end(self, goal: Any, result: GoalResult) -> None:
+        self._ended.append((goal, result))
+        self._news.trigger()
 
     # In the executor's thread.
 
@@ -289,7 +287,7 @@ class TrajectoryAction(Attendant):
         return GoalResponse.ACCEPT
 
     def _cancel(self, handle: Any) -> CancelResponse:
-        self._controller.act(lambda now: self._end(self._goals.cancel(_id(handle), now)))
+        self._controller.act(lambda now: self._goals.cancel(_id(handle), now))
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: Any) -> Any:
