@@ -78,14 +78,6 @@ def test_the_integral_grows_with_the_error_and_does_not_wind_up() -> None:
 VISCOUS, COULOMB = np.array([0.006, 0.003]), np.array([0.25, 0.1])
 
 
-def test_equals_the_friction_model_away_from_rest() -> None:
-    compensation = FrictionCompensation(VISCOUS, COULOMB, width=0.03)
-    for dq in (np.array([0.3, -0.5]), np.array([-2.0, 4.0])):
-        np.testing.assert_allclose(
-            compensation.torque(dq), viscous_coulomb(dq, VISCOUS, COULOMB), atol=1e-8
-        )
-
-
 def test_is_zero_at_rest_and_small_for_velocity_noise() -> None:
     compensation = FrictionCompensation(VISCOUS, COULOMB, width=0.03)
     assert not compensation.torque(np.zeros(2)).any()

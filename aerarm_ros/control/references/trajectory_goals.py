@@ -180,7 +180,8 @@ class TrajectoryGoals:
     def update(self) -> None:
         """End the active goal if the follower's last update ended its motion."""
         follower = self._follower
-        if follower.motion == self._motion and follower.status != 'holding':
+        is_same = follower.motion == self._motion
+        if self.active is None or (is_same and follower.status != 'holding'):
             return
         state, code = _RESULTS[follower.end]
         text = follower.end.value if follower.end is MotionEnd.REPLACED else follower.outcome
