@@ -15,7 +15,7 @@ from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.path_stop import brake
 from aerarm_ros.motion.polynomial_path import PolynomialPath
-from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference, limited
+from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference
 from aerarm_ros.world.base_pose import BasePose
 from aerarm_ros.world.rotor_governor import ReactionLimit
 
@@ -36,8 +36,6 @@ class WorldReference(NamedTuple):
     ----------
     p, dp, ddp : (3,) ndarray
         Position of the tool in the world [m], its velocity [m/s] and acceleration [m/s^2].
-    rotation : (3, 3) ndarray or None
-        Desired orientation, tool to world; None for any orientation.
     base : BasePose or None
         Pose of the base. None if the tool cannot be held in the world; then the arm stops in the
         base frame.
@@ -48,7 +46,6 @@ class WorldReference(NamedTuple):
     p: Array
     dp: Array
     ddp: Array
-    rotation: Array | None
     base: BasePose | None
     contact: Array = _NO_FORCE
 
@@ -60,18 +57,14 @@ class WorldGains(NamedTuple):
     ----------
     kp, kd : float
         Gains of the tool's position [1/s^2], [1/s].
-    orientation_weight : float
-        Weight of the orientation relative to the posture, in the null space of the tool's position
-        [-].
     posture_kp, posture_kd : float
-        Gains of the posture in that null space [1/s^2], [1/s].
+        Gains of the posture in the null space of the tool's position [1/s^2], [1/s].
     joint_kp, joint_kd : float
         Gains of the joints while the arm stays in the base frame [1/s^2], [1/s].
     """
 
     kp: float = 400.0
     kd: float = 40.0
-    orientation_weight: float = 1.0
     posture_kp: float = 4.0
     posture_kd: float = 4.0
     joint_kp: float = 400.0
@@ -99,7 +92,7 @@ class WorldLaw:
     tool's acceleration at ddq = 0, and `b` contains the velocity terms. `s_0` and the weight of the
     base's response come from `FreeBaseMotion`. On a base with known motion, J_g is
     the ordinary Jacobian and s is measured. `J_g^#` is the `DampedInverse`. The null-space
-    acceleration z leads to the posture and, by weighted least squares, to the desired orientation.
+    acceleration z leads to the posture.
     Joints respect their limits of position, velocity and acceleration; other joints replace the
     motion of a limited one.
 
@@ -234,10 +227,8 @@ class WorldLaw:
     ) -> Array:
         """Return the joint acceleration (n,) [rad/s^2] that moves the tool along the reference."""
         q, dq, _ = state
-        transform = self._kinematics.transform(q)
-        place = transform[:3, 3]
-        jacobian = self._kinematics.jacobian(q)
-        linear, angular = jacobian[:3], jacobian[3:]
+        place = self._kinematics.transform(q)[:3, 3]
+        linear = self._kinematics.jacobian(q)[:3]
         rate, to_base = pose.rate, pose.rotation.T
         slide = linear @ dq
         self.velocity = velocity = to_base @ pose.velocity + cross(rate, place) + slide
@@ -245,7 +236,7 @@ class WorldLaw:
         self.error = error = to_base @ (reference.p - pose.position) - place
         wanted = to_base @ reference.ddp + gains.kp * error
         wanted = wanted + gains.kd * (to_base @ reference.dp - velocity)
-        pushed, answer, turned = self._drift(q, dq, base)
+        pushed, answer = self._drift(q, dq, base)
         spin = pushed[3:]
         # Acceleration of the tool without joint acceleration.
         curve = cross(rate, cross(rate, place) + 2.0 * slide)
@@ -253,13 +244,7 @@ class WorldLaw:
         drift = pushed[:3] + cross(spin, place) + base.gravity + curve + own[:3]
         task = linear - (answer[:3] + np.array([cross(c, place) for c in answer[3:].T]).T)
         self.jacobian, self.task = linear, task
-        preferred = self._preferred(q, dq)
-        if reference.rotation is not None and gains.orientation_weight:
-            turning = angular - answer[3:]
-            wanted_spin = self._spin(transform, reference.rotation, pose, angular @ dq)
-            preferred = self._with_orientation(
-                task, wanted - drift, preferred, turning, wanted_spin - spin - own[3:] - turned
-            )
+        preferred = gains.posture_kp * (self.posture - q) - gains.posture_kd * dq
         low, high = self._bounds(q, dq)
         ddq, self.least_singular_value = resolve_within(
             self._inverse, task, wanted - drift, preferred, low, high
@@ -268,49 +253,17 @@ class WorldLaw:
             ddq = self.limit(q, dq, ddq, dt)
         return np.minimum(np.maximum(ddq, low), high)
 
-    def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array, Array]:
-        """Return the base's acceleration (6,) at ddq = 0, and its decrease per ddq (6, n).
-
-        The third result is the tool's angular acceleration (3,) from products of velocities.
-        """
+    def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array]:
+        """Return the base's acceleration (6,) at ddq = 0, and its decrease per ddq (6, n)."""
         own = np.concatenate([base.specific_force, base.angular_acceleration])
-        turned = cross(base.angular_velocity, self._kinematics.jacobian(q)[3:] @ dq)
         if not isinstance(base, FreeBaseMotion):
-            return own, np.zeros((6, self._limits.n)), turned
+            return own, np.zeros((6, self._limits.n))
         whole = self._dynamics.whole
         forces = whole.forces(q, dq, np.zeros(self._limits.n), base.angular_velocity)[:6]
         inverse, coupling = whole.response(q)
         share = base.share
         answer = share[:, np.newaxis] * (inverse @ coupling)
-        return own + share * (inverse @ (base.wrench - forces)), answer, turned
-
-    def _preferred(self, q: Array, dq: Array) -> Array:
-        gains = self.gains
-        return np.asarray(gains.posture_kp * (self.posture - q) - gains.posture_kd * dq)
-
-    def _spin(self, transform: Array, wanted: Array, pose: BasePose, turning: Array) -> Array:
-        """Return the angular acceleration (3,) toward the desired orientation, in base axes."""
-        gains = self.gains
-        off = pose.rotation.T @ wanted @ transform[:3, :3].T
-        half = np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
-        error = limited(0.5 * half, _ANGLE_MAX)
-        return np.asarray(gains.kp * error - gains.kd * (turning + pose.rate))
-
-    def _with_orientation(
-        self, task: Array, place: Array, preferred: Array, turning: Array, spin: Array
-    ) -> Array:
-        """Return the joint acceleration that does not move the tool, for orientation and posture.
-
-        The result minimizes `weight |J_w ddq - spin|^2 + |z - preferred|^2` over z, with `ddq =
-        J^# place + N z`, for posture and orientation.
-        """
-        found = self._inverse.of(task)
-        free = turning @ found.null_space
-        left = spin - turning @ (found.inverse @ place)
-        weight = self.gains.orientation_weight
-        matrix = weight * free.T @ free + np.eye(len(preferred))
-        solution = np.linalg.solve(matrix, weight * free.T @ left + preferred)
-        return np.asarray(solution, dtype=float)
+        return own + share * (inverse @ (base.wrench - forces)), answer
 
     def _bounds(self, q: Array, dq: Array) -> tuple[Array, Array]:
         """Return the accelerations (n,) [rad/s^2] between which no joint leaves its limits."""

@@ -28,7 +28,7 @@ _FIRST_STEP = 0.02  # [m] in which the tool must be able to move along a force
 _RESUME = 0.5  # [s] without a problem before the motion continues
 
 
-_STOPPED = WorldReference(_ORIGIN, _ORIGIN, _ORIGIN, None, None)
+_STOPPED = WorldReference(_ORIGIN, _ORIGIN, _ORIGIN, None)
 
 
 class WorldPath:
@@ -97,12 +97,11 @@ class WorldPath:
 
 
 class _Goal(NamedTuple):
-    """Goal of the tool: a point, or a path with its start time [s]; and an orientation."""
+    """Goal of the tool: a point, or a path with its start time [s]."""
 
     place: Array
     path: WorldPath | None
     begin: float
-    rotation: Array | None
 
     def at(self, now: float) -> TaskReference:
         if self.path is None:
@@ -191,8 +190,8 @@ class WorldToolReference:
             return None
         return self._goal.place if self._goal.path is None else self._goal.path.places[-1]
 
-    def go_to(self, place: npt.ArrayLike, now: float, rotation: Array | None = None) -> None:
-        """Set a target (3,) [m] in the world, and optionally an orientation (3, 3).
+    def go_to(self, place: npt.ArrayLike, now: float) -> None:
+        """Set a target (3,) [m] in the world.
 
         Raises
         ------
@@ -203,11 +202,9 @@ class WorldToolReference:
         if target.shape != (3,) or not np.all(np.isfinite(target)):
             raise RejectedInputError(f'tool target {target} must be three finite numbers [m]')
         self._require_reach('tool target', target[np.newaxis], now)
-        self._begin(_Goal(target, None, now, rotation), now)
+        self._begin(_Goal(target, None, now), now)
 
-    def follow(
-        self, path: WorldPath, begin: float, now: float, rotation: Array | None = None
-    ) -> None:
+    def follow(self, path: WorldPath, begin: float, now: float) -> None:
         """Follow a timed path that begins at the time `begin` [s].
 
         Raises
@@ -221,7 +218,7 @@ class WorldToolReference:
                 '("now"), and check the clocks'
             )
         self._require_reach('tool path', path.places, now)
-        self._begin(_Goal(path.places[0], path, begin, rotation), now)
+        self._begin(_Goal(path.places[0], path, begin), now)
 
     def push(self, force: npt.ArrayLike, now: float) -> None:
         """Press the tool against a wall with a force (3,) [N], given in world axes.
@@ -351,10 +348,10 @@ class WorldToolReference:
         if pusher is not None and pusher.is_active:
             pressed = pusher.update(motion, pose, self._place, now, dt)
             if pressed is None:
-                self._goal = _Goal(self._place, None, now, goal.rotation)
+                self._goal = _Goal(self._place, None, now)
                 return self._stop(pusher.reason, now)
             motion, contact = pressed, pusher.on_tool
-        self.reference = WorldReference(*motion, goal.rotation, pose, contact)
+        self.reference = WorldReference(*motion, pose, contact)
         return self.reference
 
     def _off_target(self, now: float) -> str:
@@ -400,7 +397,7 @@ class WorldToolReference:
 
     def _resume(self, pose: BasePose, place: Array, q: Array, now: float) -> None:
         if self._goal is None:
-            self._goal = _Goal(place, None, now, None)
+            self._goal = _Goal(place, None, now)
         self.reason, self.error, self._off_since = '', 0.0, None
         self._quick.start(_ORIGIN)
         # The arm rests in the base frame, so the tool moves with the base.

@@ -65,10 +65,6 @@ PARAMETERS = controller_parameters(
             'feedback gain on the tool position error', '1/s^2', 1.0, 2500.0, live=True),
         Parameter('kd', _GAINS.kd,
             'feedback gain on the tool velocity error', '1/s', 0.0, 200.0, live=True),
-        Parameter('orientation_weight', _GAINS.orientation_weight, (
-            'weight of the orientation goal relative to the posture goal, in directions that the '
-            'position goal leaves free'
-        ), '', 0.0, 100.0),
         Parameter('posture', [], (
             'joint configuration, in the middle of the reach, that the null-space motion '
             'approaches; the initial configuration if empty'

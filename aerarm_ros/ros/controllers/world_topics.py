@@ -8,12 +8,11 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, Quaternion, Twist, WrenchStamped
+from geometry_msgs.msg import Point, PoseStamped, Twist, WrenchStamped
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
@@ -21,7 +20,6 @@ from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.controllers.state_node import Attendant
 from aerarm_ros.ros.controllers.tool_topics import pose_message
 from aerarm_ros.ros.executors import create_steady_timer
-from aerarm_ros.ros.messages import quaternion as quaternion_of
 from aerarm_ros.ros.messages import seconds, vector, wrench, wrench_message
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.world.base_pose import BasePose
@@ -38,7 +36,6 @@ _RECENT = 15  # last computed reaches, 3 s: under a swaying drone a warning woul
 _CONTACT_PERIOD_NS = 2_000_000
 _CONTACT_ENDS = 0.1  # [s] for which the end of a contact is published
 _POINTS_MAX = 500  # the loop's thread processes them between two states
-_ANY = 0.1  # A shorter quaternion means that no orientation is requested.
 
 
 class WorldTopics(Attendant):
@@ -97,12 +94,8 @@ class WorldTopics(Attendant):
     # Targets, in the loop's thread.
 
     def _on_target(self, message: PoseStamped, now: float) -> None:
-        rotation = _rotation('tool target', message.pose.orientation)
-        position = vector(message.pose.position)
-        place, rotation = self._in_world(
-            'tool target', message.header.frame_id, position, rotation, now
-        )
-        self._reference.go_to(place, now, rotation)
+        place = self._in_world('tool target', message.header.frame_id, message.pose.position, now)
+        self._reference.go_to(place, now)
 
     def _on_motion(self, message: MultiDOFJointTrajectory, now: float) -> None:
         points = message.points
@@ -120,8 +113,7 @@ class WorldTopics(Attendant):
             self._values.tool_velocity_max,
             self._values.tool_acceleration_max,
         )
-        rotation = _rotation('tool motion', points[-1].transforms[0].rotation)
-        self._reference.follow(path, seconds(message.header.stamp) or now, now, rotation)
+        self._reference.follow(path, seconds(message.header.stamp) or now, now)
 
     def _on_force(self, message: WrenchStamped, now: float) -> None:
         force, moment = np.split(wrench(message), 2)
@@ -140,12 +132,11 @@ class WorldTopics(Attendant):
                 f'odometry, {self.frame!r}'
             )
 
-    def _in_world(
-        self, what: str, frame: str, place: Array, rotation: Array | None, now: float
-    ) -> tuple[Array, Array | None]:
-        """Transform a position and orientation from the base frame to the present world frame."""
+    def _in_world(self, what: str, frame: str, point: Point, now: float) -> Array:
+        """Return a position in the world at present, given in the base frame or in the world."""
+        place = vector(point)
         if frame in ('', self.frame):
-            return place, rotation
+            return place
         if frame != self._base:
             known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
             raise RejectedInputError(
@@ -158,9 +149,7 @@ class WorldTopics(Attendant):
             raise RejectedInputError(
                 f'{what} rejected, because the base pose in the world is unknown: {problem}'
             )
-        pose = self._reference.base.pose(now)
-        turned = None if rotation is None else pose.rotation @ rotation
-        return pose.to_world(place), turned
+        return self._reference.base.pose(now).to_world(place)
 
     # Called by the control loop.
 
@@ -231,24 +220,6 @@ class WorldTopics(Attendant):
         self.recent.append(margin)
         data = [*margin.along.tolist(), margin.time]
         self._reaches.publish(Float64MultiArray(layout=self._layout, data=data))
-
-
-def _rotation(what: str, part: Quaternion) -> Array | None:
-    """Return the rotation matrix of a quaternion; None if the quaternion is zero."""
-    turn = quaternion_of(part)
-    length = float(np.linalg.norm(turn))
-    if not np.isfinite(length):
-        raise RejectedInputError(
-            f'{what} rejected: its orientation is NaN or infinite; check its publisher'
-        )
-    if length < _ANY:
-        return None
-    if not 0.9 < length < 1.1:
-        raise RejectedInputError(
-            f'{what} rejected, because its quaternion has length {length:.3g} instead of 1: send '
-            'a unit quaternion, or zeros to permit any orientation'
-        )
-    return rotation_matrix(turn / length)
 
 
 def _linear(twists: Sequence[Sequence[Twist]]) -> list[Array]:
