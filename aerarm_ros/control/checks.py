@@ -71,6 +71,14 @@ def non_negative_number(name: str, value: float) -> float:
     return float(non_negative(name, value, 1)[0])
 
 
+def checked_vector(what: str, values: npt.ArrayLike, unit: str) -> Array:
+    """Return a vector (3,); raise RejectedInputError unless `values` are three finite numbers."""
+    vector = np.array(values, dtype=float)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise RejectedInputError(f'{what} {vector} must be three finite numbers [{unit}]')
+    return vector
+
+
 _ROUNDING = 1e-9
 
 

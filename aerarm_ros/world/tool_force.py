@@ -243,7 +243,7 @@ class ToolForce:
         """Known force (3,) [N] on the tool, in world axes."""
         return np.asarray(-self._commanded * self.direction)
 
-    def push(self, force: npt.ArrayLike, place: Array, now: float) -> bool:
+    def push(self, force: Array, place: Array, now: float) -> bool:
         """Set the desired force (3,) [N] on the wall, with the tool at `place` (3,) [m].
 
         Returns
@@ -254,13 +254,10 @@ class ToolForce:
         Raises
         ------
         RejectedInputError
-            If the force is not finite or too large, or has another direction than that of the
+            If the force is too large or too small, or has another direction than that of the
             present contact.
         """
-        vector = np.array(force, dtype=float)
-        if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-            raise RejectedInputError(f'tool force {vector} must be three finite numbers [N]')
-        size, most = float(np.linalg.norm(vector)), self.settings.force_max
+        size, most = float(np.linalg.norm(force)), self.settings.force_max
         if size > most:
             raise RejectedInputError(
                 f'tool force of {size:.1f} N is larger than force_max ({most:g} N): reduce it, or '
@@ -273,7 +270,7 @@ class ToolForce:
                 f'tool force of {size:.2g} N is too small to be measured: send {_LEAST:g} N or '
                 'more, or zero to end the contact'
             )
-        direction = vector / size
+        direction = force / size
         if self.is_active and direction @ self.direction < 0.999:
             raise RejectedInputError(
                 'tool force: the direction cannot change during approach and contact: send a '

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.checks import RejectedInputError, positive
+from aerarm_ros.control.checks import RejectedInputError, checked_vector, positive
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.control.references.joint_trajectory import Rows, checked_rows, checked_times, slopes
 from aerarm_ros.control.references.target_follower import TargetFollower
@@ -198,9 +198,7 @@ class WorldToolReference:
         RejectedInputError
             If the target is not finite, or out of reach.
         """
-        target = np.array(place, dtype=float)
-        if target.shape != (3,) or not np.all(np.isfinite(target)):
-            raise RejectedInputError(f'tool target {target} must be three finite numbers [m]')
+        target = checked_vector('tool target', place, 'm')
         self._require_reach('tool target', target[np.newaxis], now)
         self._begin(_Goal(target, None, now), now)
 
@@ -239,13 +237,13 @@ class WorldToolReference:
             raise RejectedInputError(
                 f'tool force: the tool is not held in the world: {self.reason}'
             )
-        if np.all(np.isfinite(force)) and np.any(force):
-            self._require_rotors(np.array(force, dtype=float), now)
-        if not pusher.is_active and np.all(np.isfinite(force)):
-            vector = np.array(force, dtype=float)
+        vector = checked_vector('tool force', force, 'N')
+        if np.any(vector):
+            self._require_rotors(vector, now)
+        if not pusher.is_active:
             nearest = self._place + _FIRST_STEP * vector / (np.linalg.norm(vector) + 1e-9)
             self._require_reach('the wall of the tool force', nearest[np.newaxis], now)
-        if not pusher.push(force, self._place, now):
+        if not pusher.push(vector, self._place, now):
             pusher.reason = ''
             if pusher.is_active:
                 pusher.reset()

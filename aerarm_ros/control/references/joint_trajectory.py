@@ -12,7 +12,6 @@ Rows = Sequence[Sequence[float]] | Sequence[Array] | Array
 
 # Closer to a limit, in rad or as a fraction of it, samples of a path do not prove that it is kept.
 _NEAR = 0.05
-_QUANTITIES = 'positions', 'velocities', 'accelerations'
 
 
 class JointTrajectory:
@@ -30,6 +29,8 @@ class JointTrajectory:
         Velocities [rad/s] and accelerations [rad/s^2]; `path` fills in missing ones and empty rows.
     staying : (n,) ndarray, optional
         Positions [rad] at which omitted joints stay. Without it, `names` must be all joints.
+    what : str
+        Kind of the input, for error messages.
 
     Attributes
     ----------
@@ -52,15 +53,21 @@ class JointTrajectory:
         velocities: Rows | None = None,
         accelerations: Rows | None = None,
         staying: Array | None = None,
+        what: str = 'trajectory',
     ) -> None:
         if staying is None:
             limits.order(names)  # requires all joints
         order = limits.part(names)
-        self.times = checked_times('trajectory', times)
+        self.times = checked_times(what, times)
         size = len(self.times), len(names)
         rows: list[Array | None] = []
-        for what, given in zip(_QUANTITIES, (positions, velocities, accelerations), strict=True):
-            found = checked_rows(f'trajectory: {what}', given, *size)
+        quantities = {
+            'positions': positions,
+            'velocities': velocities,
+            'accelerations': accelerations,
+        }
+        for name, given in quantities.items():
+            found = checked_rows(f'{what}: {name}', given, *size)
             if found is not None:
                 resting = np.zeros(limits.n) if rows or staying is None else staying
                 found, values = np.tile(resting, (size[0], 1)), found
@@ -68,15 +75,13 @@ class JointTrajectory:
             rows.append(found)
         q, self.dq, self.ddq = rows
         if q is None:
-            raise RejectedInputError(
-                'trajectory: the points have no positions; set positions of every point'
-            )
+            raise RejectedInputError(f'{what}: no positions; set positions of every point')
         self.q = q
         if self.ddq is not None and self.dq is None:
             raise RejectedInputError(
-                'trajectory: the points have accelerations without velocities; set both or neither'
+                f'{what}: the points have accelerations without velocities; set both or neither'
             )
-        limits.check('trajectory', q, self.dq, self.ddq)
+        limits.check(what, q, self.dq, self.ddq)
         self._limits = limits
 
     @property

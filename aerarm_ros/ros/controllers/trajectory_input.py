@@ -91,23 +91,6 @@ def read_trajectory(
     return trajectory, stamp or None
 
 
-def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: float) -> None:
-    """Command the joint positions of a set point; raises RejectedInputError."""
-    limits: JointLimits = follower.limits
-    order = limits.order(list(message.name))
-    if len(message.position) != limits.n:
-        raise RejectedInputError(
-            f'set point rejected, because it has {len(message.position)} positions: set '
-            f'{limits.n} positions, one per joint'
-        )
-    q = np.array(message.position)[order]
-    if not np.all(np.isfinite(q)):
-        raise RejectedInputError(
-            'set point rejected, because a position is NaN or infinite: set finite numbers'
-        )
-    follower.go_to(q, now)
-
-
 NAME = 'follow_joint_trajectory'
 _FEEDBACK_PERIOD = 0.05  # [s]
 _BILLION = 1_000_000_000
@@ -138,7 +121,9 @@ class TrajectoryController(ControllerNode):
         self.reaction = self.react_to_contact(self.follower, self.law)
 
         def set_point(message: JointState, now: float) -> None:
-            go_to_set_point(self.follower, message, now)
+            names, rows = list(message.name), [message.position]
+            goal = JointTrajectory(self.follower.limits, names, [0.0], rows, what='set point')
+            self.follower.go_to(goal.q[0], now)
 
         self.take_references(topics.JOINT_TRAJECTORY, self._on_trajectory)
         self.take_references(topics.SET_POINT, set_point)

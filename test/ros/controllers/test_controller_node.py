@@ -104,8 +104,11 @@ def follow_set_points(bench: ControllerBench) -> None:
         bench.wait_for_posture(goal, 0.005, sender(set_points, message))
         for reason, wrong in (
             ('joint2 at 9 rad is outside', JointState(name=NAMES, position=[0.0, 9.0, 0.0, 0.0])),
-            ('it has 3 positions: set 4', JointState(name=NAMES, position=goal[:3])),
-            ('set finite numbers', JointState(name=NAMES, position=[NAN, *goal[1:]])),
+            ('set point: positions: give 4 values', JointState(name=NAMES, position=goal[:3])),
+            (
+                'set point: positions must be finite',
+                JointState(name=NAMES, position=[NAN, *goal[1:]]),
+            ),
         ):
             reject(bench, process, set_points, wrong, reason)
         bench.set_parameter('gravity_compensation', 'hand_guiding', True)
