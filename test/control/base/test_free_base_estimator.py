@@ -123,6 +123,17 @@ def nothing(_: float) -> None:
     return None
 
 
+def jumped(rate: float, push: float) -> Callable[[float], ImuSample]:
+    """Return an IMU that jumps to a rate [rad/s] or an acceleration [m/s^2] and stays there."""
+
+    def sample(now: float) -> ImuSample:
+        shake = 1e-3 * np.sin(1e3 * now + np.arange(6.0))
+        turns, feels = np.array([rate, 0.0, 0.0]), UP + [0.0, 0.0, push]
+        return ImuSample(now, LEVEL, turns + shake[:3], feels + shake[3:])
+
+    return sample
+
+
 @pytest.mark.parametrize(
     ('fault', 'said'),
     [
@@ -134,6 +145,9 @@ def nothing(_: float) -> None:
         ({'names': ('a', 'b', 'c', 'd')}, 'no good rotor command'),
         ({'imu': lambda t: ImuSample(t, LEVEL, np.zeros(3), UP)}, 'no good IMU sample'),
         ({'imu': lambda t: ImuSample(t, LEVEL, np.zeros(3), 6.0 * UP)}, 'no good IMU sample'),
+        ({'imu': jumped(20.0, 0.0)}, 'no good IMU sample'),
+        ({'imu': jumped(3.5, 0.0)}, 'no good IMU sample'),
+        ({'imu': jumped(0.0, 8.0)}, 'from that predicted by rotor commands, mass and arm'),
     ],
 )  # fmt: skip
 def test_a_source_that_fails_is_named_and_fades_without_a_step(fault: dict, said: str) -> None:
@@ -148,33 +162,6 @@ def test_a_source_that_fails_is_named_and_fades_without_a_step(fault: dict, said
     assert hover.status == 'rotor commands + IMU below 0.3 Hz'
     np.testing.assert_allclose(hover.torques[-1], before, atol=0.05)
     assert hover.largest_step() < 0.01 * np.abs(before).max()
-
-
-@pytest.mark.parametrize(
-    ('rate', 'push', 'said'),
-    [
-        (20.0, 0.0, 'no good IMU sample'),
-        (3.5, 0.0, 'no good IMU sample'),
-        (0.0, 8.0, 'from that predicted by rotor commands, mass and arm'),
-    ],
-)
-def test_an_imu_that_jumps_and_stays_there_is_named_and_moves_no_torque(
-    rate: float, push: float, said: str
-) -> None:
-    hover = Hover()
-    hover.run(2.5)
-
-    def jumped(now: float) -> ImuSample:
-        shake = 1e-3 * hover.random.normal(size=(2, 3))
-        turns, feels = np.array([rate, 0.0, 0.0]), UP + [0.0, 0.0, push]
-        return ImuSample(now, LEVEL, turns + shake[0], feels + shake[1])
-
-    hover.run(2.0, imu=jumped)
-    assert said in hover.status
-    np.testing.assert_allclose(hover.torques[-1], hover.dynamics.gravity(LEANING), atol=0.05)
-    hover.run(3.0)
-    assert hover.status == 'rotor commands + IMU below 0.3 Hz'
-    assert hover.largest_step() < 0.02 * np.abs(hover.torques[-1]).max()
 
 
 def test_commands_that_repeat_or_do_not_lift_the_drone_are_not_used() -> None:
@@ -212,6 +199,14 @@ def test_commands_are_taken_by_name_and_in_order() -> None:
     assert 'no good rotor command' in rotors.problem(1.2)
     rotors.offer(names, np.arange(4.0), 1.0, 1.2)
     assert rotors.problem(1.2) == ''
+    for others, thrust, reason in (
+        (('front', 'left', 'rear', 'right'), np.ones(4), 'drone_file describes this drone'),
+        (names, np.ones(3), '3 efforts for 4 rotors'),
+        (names, np.array([1.0, np.nan, 1.0, 1.0]), 'NaN or infinite'),
+        (names, np.full(4, 1500.0), 'far above thrust_max'),
+    ):
+        with pytest.raises(RejectedInputError, match=reason):
+            rotors.offer(others, thrust, 2.0, 2.0)
 
 
 IMU_PERIOD = 0.004
@@ -361,22 +356,3 @@ def test_an_imu_without_noise_on_a_standing_drone_is_not_frozen() -> None:
     assert set(flight.run(0.5, lambda: standing(UP))) == {''}
     noise = iter(flight.random.normal(size=(200, 3)))
     assert 'angular velocity is frozen' in flight.run(0.5, lambda: standing(UP + next(noise)))[-1]
-
-
-@pytest.mark.parametrize(
-    ('names', 'thrust', 'reason'),
-    [
-        (
-            ('front', 'left', 'rear', 'right'),
-            np.ones(4),
-            ('check that drone_file describes this drone'),
-        ),
-        (None, np.ones(3), '3 efforts for 4 rotors'),
-        (None, np.array([1.0, np.nan, 1.0, 1.0]), 'NaN or infinite'),
-        (None, np.full(4, 1500.0), 'far above thrust_max'),
-    ],
-)
-def test_wrong_commands_are_refused(names, thrust, reason: str) -> None:
-    estimator = Hover().estimator
-    with pytest.raises(RejectedInputError, match=reason):
-        estimator.rotors.offer(names or estimator.rotors._drone.rotor_names, thrust, 0.0, 0.0)
