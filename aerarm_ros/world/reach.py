@@ -62,10 +62,6 @@ class ArmReach:
         self._high = limits.position_max - _MARGIN
         self._inverse = DampedInverse(0.03, 0.02) if inverse is None else inverse
 
-    def beyond(self, place: Array, q: Array) -> float:
-        """Return how far [m] a point (3,) in the base frame is out of reach; 0 within reach."""
-        return self.beyond_any(place[np.newaxis], q)
-
     def beyond_any(self, places: Array, q: Array) -> float:
         """Return how far [m] the points (M, 3) of a path are out of reach at most; 0 within reach.
 
