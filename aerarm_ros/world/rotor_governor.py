@@ -132,7 +132,7 @@ class RotorGovernor:
         self.last_stretch = 1.0
 
     def _wrenches(self, motion: JointReference) -> tuple[Array, Array, Array]:
-        """Return the wrenches (6,) at a point, for r', r^2 and hovering as in the class docstring."""
+        """Return the wrenches (6,) for r', r^2 and hovering at a point, see the class."""
         zero, rest = np.zeros(self.whole.n), np.zeros(3)
         q, dq, ddq = motion
         still = self.whole.forces(q, zero, zero, rest, self._felt)[:6]
