@@ -1,11 +1,14 @@
-"""Remaining reach of the arm under a moving drone."""
+"""Remaining reach of the arm under a moving drone, and the preferred position of the drone."""
 
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.checks import JointLimits, finite, positive
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
+from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.flight.flight_state import yaw_of
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.world.base_pose import BasePose
@@ -103,3 +106,58 @@ class ArmReach:
             turn = turn * min(1.0, _LARGEST_TURN / largest) if largest > 0.0 else turn
             q = np.minimum(np.maximum(q + turn, self._low), self._high)
         return q, float(np.linalg.norm(place - self._kinematics.position(q)))
+
+
+class DroneRequest:
+    """Slow set point for the drone, which returns the arm to the middle of its reach.
+
+    The set point depends on the tool's target and on the heading at the first update, but neither
+    on the drone's position nor on the arm's posture. It therefore closes no feedback loop. If the
+    goal is further away than `deadband`, the set point moves to the goal at `speed`.
+
+    Parameters
+    ----------
+    middle : (n,) array_like
+        Posture in which the arm is in the middle of its reach [rad].
+    speed : float
+        Speed of the set point [m/s].
+    deadband : float
+        Distance of the set point from its goal above which the set point begins to move [m].
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        drone: DroneConfig,
+        middle: npt.ArrayLike,
+        speed: float = 0.05,
+        deadband: float = 0.03,
+    ) -> None:
+        posture = finite('middle', middle, kinematics.robot.n)
+        self._to_mount, self._mount = drone.mount.rotation, np.array(drone.mount.position)
+        self._tool = self._mount + self._to_mount @ kinematics.position(posture)  # in body axes
+        self._speed, self._deadband = positive('speed', speed), positive('deadband', deadband)
+        self.reset()
+
+    def reset(self) -> None:
+        """Start at the drone's position and heading at the next update."""
+        self._state: tuple[Array, Array, float] | None = None
+        self._moves = False
+
+    def update(self, now: float, target: Array, pose: BasePose) -> tuple[Array, Array]:
+        """Return the position (3,) and heading (3, 3) of the set point, for a tool target (3,)."""
+        if self._state is None:
+            body = pose.rotation @ self._to_mount.T
+            yaw = yaw_of(body)
+            c, s = np.cos(yaw), np.sin(yaw)
+            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            self._state = pose.position - body @ self._mount, turn, now
+        place, turn, before = self._state
+        way = target - turn @ self._tool - place
+        left = float(np.linalg.norm(way))
+        self._moves = left > (1e-6 if self._moves else self._deadband)
+        if self._moves:
+            step = self._speed * min(max(now - before, 0.0), 1.0)
+            place = place + min(1.0, step / left) * way
+        self._state = place, turn, now
+        return place, turn

@@ -15,8 +15,8 @@ from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.path_stop import brake
 from aerarm_ros.motion.polynomial_path import PolynomialPath
-from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference
-from aerarm_ros.world.base_pose import BasePose
+from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference, limited
+from aerarm_ros.world.base_pose import BasePose, rotation_vector
 from aerarm_ros.world.rotor_governor import ReactionLimit
 
 # Fraction of the acceleration limits for braking in the base frame.
@@ -36,6 +36,8 @@ class WorldReference(NamedTuple):
     ----------
     p, dp, ddp : (3,) ndarray
         Position of the tool in the world [m], its velocity [m/s] and acceleration [m/s^2].
+    rotation : (3, 3) ndarray or None
+        Desired orientation, tool to world; None for any orientation.
     base : BasePose or None
         Pose of the base. None if the tool cannot be held in the world; then the arm stops in the
         base frame.
@@ -46,6 +48,7 @@ class WorldReference(NamedTuple):
     p: Array
     dp: Array
     ddp: Array
+    rotation: Array | None
     base: BasePose | None
     contact: Array = _NO_FORCE
 
@@ -57,14 +60,18 @@ class WorldGains(NamedTuple):
     ----------
     kp, kd : float
         Gains of the tool's position [1/s^2], [1/s].
+    orientation_weight : float
+        Weight of the orientation relative to the posture, in the null space of the tool's position
+        [-].
     posture_kp, posture_kd : float
-        Gains of the posture in the null space of the tool's position [1/s^2], [1/s].
+        Gains of the posture in that null space [1/s^2], [1/s].
     joint_kp, joint_kd : float
         Gains of the joints while the arm stays in the base frame [1/s^2], [1/s].
     """
 
     kp: float = 400.0
     kd: float = 40.0
+    orientation_weight: float = 1.0
     posture_kp: float = 4.0
     posture_kd: float = 4.0
     joint_kp: float = 400.0
@@ -92,7 +99,7 @@ class WorldLaw:
     tool's acceleration at ddq = 0, and `b` contains the velocity terms. `s_0` and the weight of the
     base's response come from `FreeBaseMotion`. On a base with known motion, J_g is
     the ordinary Jacobian and s is measured. `J_g^#` is the `DampedInverse`. The null-space
-    acceleration z leads to the posture.
+    acceleration z leads to the posture and, by weighted least squares, to the desired orientation.
     Joints respect their limits of position, velocity and acceleration; other joints replace the
     motion of a limited one.
 
@@ -227,8 +234,10 @@ class WorldLaw:
     ) -> Array:
         """Return the joint acceleration (n,) [rad/s^2] that moves the tool along the reference."""
         q, dq, _ = state
-        place = self._kinematics.transform(q)[:3, 3]
-        linear = self._kinematics.jacobian(q)[:3]
+        transform = self._kinematics.transform(q)
+        place = transform[:3, 3]
+        jacobian = self._kinematics.jacobian(q)
+        linear, angular = jacobian[:3], jacobian[3:]
         rate, to_base = pose.rate, pose.rotation.T
         slide = linear @ dq
         self.velocity = velocity = to_base @ pose.velocity + cross(rate, place) + slide
@@ -245,6 +254,14 @@ class WorldLaw:
         task = linear - (answer[:3] + np.array([cross(c, place) for c in answer[3:].T]).T)
         self.jacobian, self.task = linear, task
         preferred = gains.posture_kp * (self.posture - q) - gains.posture_kd * dq
+        if reference.rotation is not None and gains.orientation_weight:
+            off = rotation_vector(to_base @ reference.rotation @ transform[:3, :3].T)
+            turned = angular @ dq
+            turn = gains.kp * limited(off, _ANGLE_MAX) - gains.kd * (turned + rate)
+            turn = turn - spin - own[3:] - cross(rate, turned)
+            preferred = self._with_orientation(
+                task, wanted - drift, preferred, angular - answer[3:], turn
+            )
         low, high = self._bounds(q, dq)
         ddq, self.least_singular_value = resolve_within(
             self._inverse, task, wanted - drift, preferred, low, high
@@ -264,6 +281,20 @@ class WorldLaw:
         share = base.share
         answer = share[:, np.newaxis] * (inverse @ coupling)
         return own + share * (inverse @ (base.wrench - forces)), answer
+
+    def _with_orientation(
+        self, task: Array, place: Array, preferred: Array, turning: Array, turn: Array
+    ) -> Array:
+        """Return the null-space acceleration z for the orientation and the preferred z.
+
+        z minimizes `weight |turning ddq - turn|^2 + |z - preferred|^2` with
+        `ddq = J^# place + N z`.
+        """
+        found, weight = self._inverse.of(task), self.gains.orientation_weight
+        free = turning @ found.null_space
+        left = turn - turning @ (found.inverse @ place)
+        matrix = weight * free.T @ free + np.eye(len(preferred))
+        return np.asarray(np.linalg.solve(matrix, weight * free.T @ left + preferred))
 
     def _bounds(self, q: Array, dq: Array) -> tuple[Array, Array]:
         """Return the accelerations (n,) [rad/s^2] between which no joint leaves its limits."""

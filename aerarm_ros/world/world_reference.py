@@ -28,7 +28,7 @@ _FIRST_STEP = 0.02  # [m] in which the tool must be able to move along a force
 _RESUME = 0.5  # [s] without a problem before the motion continues
 
 
-_STOPPED = WorldReference(_ORIGIN, _ORIGIN, _ORIGIN, None)
+_STOPPED = WorldReference(_ORIGIN, _ORIGIN, _ORIGIN, None, None)
 
 
 class WorldPath:
@@ -97,11 +97,12 @@ class WorldPath:
 
 
 class _Goal(NamedTuple):
-    """Goal of the tool: a point, or a path with its start time [s]."""
+    """Goal of the tool: a point, or a path with its start time [s]; and an orientation."""
 
     place: Array
     path: WorldPath | None
     begin: float
+    rotation: Array | None
 
     def at(self, now: float) -> TaskReference:
         if self.path is None:
@@ -190,8 +191,8 @@ class WorldToolReference:
             return None
         return self._goal.place if self._goal.path is None else self._goal.path.places[-1]
 
-    def go_to(self, place: npt.ArrayLike, now: float) -> None:
-        """Set a target (3,) [m] in the world.
+    def go_to(self, place: npt.ArrayLike, now: float, rotation: Array | None = None) -> None:
+        """Set a target (3,) [m] in the world, and optionally an orientation (3, 3).
 
         Raises
         ------
@@ -200,9 +201,11 @@ class WorldToolReference:
         """
         target = checked_vector('tool target', place, 'm')
         self._require_reach('tool target', target[np.newaxis], now)
-        self._begin(_Goal(target, None, now), now)
+        self._begin(_Goal(target, None, now, rotation), now)
 
-    def follow(self, path: WorldPath, begin: float, now: float) -> None:
+    def follow(
+        self, path: WorldPath, begin: float, now: float, rotation: Array | None = None
+    ) -> None:
         """Follow a timed path that begins at the time `begin` [s].
 
         Raises
@@ -216,7 +219,7 @@ class WorldToolReference:
                 '("now"), and check the clocks'
             )
         self._require_reach('tool path', path.places, now)
-        self._begin(_Goal(path.places[0], path, begin), now)
+        self._begin(_Goal(path.places[0], path, begin, rotation), now)
 
     def push(self, force: npt.ArrayLike, now: float) -> None:
         """Press the tool against a wall with a force (3,) [N], given in world axes.
@@ -346,10 +349,10 @@ class WorldToolReference:
         if pusher is not None and pusher.is_active:
             pressed = pusher.update(motion, pose, self._place, now, dt)
             if pressed is None:
-                self._goal = _Goal(self._place, None, now)
+                self._goal = _Goal(self._place, None, now, goal.rotation)
                 return self._stop(pusher.reason, now)
             motion, contact = pressed, pusher.on_tool
-        self.reference = WorldReference(*motion, pose, contact)
+        self.reference = WorldReference(*motion, goal.rotation, pose, contact)
         return self.reference
 
     def _off_target(self, now: float) -> str:
@@ -395,7 +398,7 @@ class WorldToolReference:
 
     def _resume(self, pose: BasePose, place: Array, q: Array, now: float) -> None:
         if self._goal is None:
-            self._goal = _Goal(place, None, now)
+            self._goal = _Goal(place, None, now, None)
         self.reason, self.error, self._off_since = '', 0.0, None
         self._quick.start(_ORIGIN)
         # The arm rests in the base frame, so the tool moves with the base.

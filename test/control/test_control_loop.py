@@ -6,9 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import BaseMotion, ImuSample
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.compensation import MomentumObserver
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.motion.signals import ArmState, JointCommand
 
@@ -76,6 +77,34 @@ def test_compensation_removes_the_error_caused_by_a_constant_force(
         errors.append(np.abs(run.q[-1] - POSTURE))
         np.testing.assert_allclose(loop.disturbance, force, atol=0.01)
     assert np.all(errors[1] < 0.02 * errors[0])
+
+
+def test_settles_within_5_mrad_of_any_set_point(limits, dynamics, bench, config, postures) -> None:
+    """With the drives' friction, standing and hanging, in the plant's exact gravity."""
+    viscous, coulomb = config.column('viscous'), config.column('coulomb')
+    friction = FrictionCompensation(viscous, coulomb)
+    for index, goal in enumerate(postures[:6]):
+        gravity = np.array([0.0, 0.0, -9.81 if index % 2 else 9.81])
+        follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4, path=1.0))
+        loop = ControlLoop(
+            limits,
+            follower,
+            GravityCompensation(dynamics, [60, 60, 40, 40], [5, 5, 1, 1], friction),
+            MomentumObserver(dynamics, 10.0, friction),
+            BaseMotionEstimator(gravity, 'none'),
+            compensation_max=1.0,
+        )
+        arm = bench(postures[index + 1])
+        arm.plant.gravity_in_base = gravity
+
+        def controller(state, now):
+            if now == 2 * CYCLE:
+                follower.go_to(goal, now)  # noqa: B023
+            return loop.update(state, now) or JointCommand(tau=state.tau)  # noqa: B023
+
+        run = arm.run(controller, 4.0)
+        assert np.abs(run.q[-1] - goal).max() < 5e-3
+        assert np.abs(run.dq[-1]).max() < 1e-2
 
 
 def test_a_turning_base_is_no_disturbance(limits, follower, dynamics) -> None:

@@ -56,9 +56,10 @@ def test_a_stop_stays_on_a_curved_path_wherever_it_begins(curve: PolynomialPath)
         path = stop.path(curve.evaluate)
         times = np.linspace(0.0, path.duration, 300)
         samples, clock = path.evaluate(times), stop.clock().evaluate(times)
-        assert clock.dq[0, 0] == pytest.approx(1.0)
-        assert np.all(clock.dq >= -1e-9), 'the clock never runs backward'
-        assert np.all(np.diff(clock.dq[:, 0]) <= 1e-6), 'nor faster'
+        rate = stop.clock().sample().dq[:, 0]
+        assert rate[0] == pytest.approx(1.0)
+        assert np.all(rate >= -1e-9), 'the clock never runs backward'
+        assert np.all(np.diff(rate) <= 1e-9), 'nor faster'
         at = np.minimum(clock.q[:, 0], curve.duration)
         np.testing.assert_allclose(samples.q, curve.evaluate(at).q, atol=1e-5)
         assert np.all(np.abs(samples.ddq) <= 1.001 * ACCELERATION)

@@ -81,7 +81,7 @@ def test_the_tool_accelerates_as_the_law_wants(
         np.cross(RATE, kinematics.position(Q)) + kinematics.position_jacobian(Q) @ DQ
     )
     off, slower, ddp = np.array([2e-3, -1e-3, 3e-3]), np.array([0.01, 0.02, -0.03]), np.ones(3)
-    reference = WorldReference(place + off, velocity + slower, ddp, pose)
+    reference = WorldReference(place + off, velocity + slower, ddp, None, pose)
     tau = law.update(ArmState(Q, DQ, np.zeros(4)), reference, CYCLE, free).tau
     assert tau is not None
     moved = accelerations(carried, tau)
@@ -90,11 +90,43 @@ def test_the_tool_accelerates_as_the_law_wants(
     assert reached == pytest.approx(wanted, abs=2e-3)
 
 
+def test_orientation_is_led_where_the_place_leaves_a_joint_free(
+    carried: MovingBaseDynamics, limits: JointLimits, pose: BasePose
+) -> None:
+    kinematics, zero = Kinematics(carried.robot), np.zeros(3)
+    calm = FreeBaseMotion(BaseMotion(zero, zero, zero, zero), np.zeros(6), np.ones(6))
+    pose = pose._replace(rate=zero, velocity=zero)
+    transform = kinematics.transform(Q)
+    place, turn = pose.to_world(transform[:3, 3]), pose.rotation @ transform[:3, :3]
+    inverse, coupling = carried.whole.response(Q)
+    answer, jacobian = inverse @ coupling, kinematics.jacobian(Q)
+    task = jacobian[:3] - np.hstack([np.eye(3), -skew(kinematics.position(Q))]) @ answer
+    turning = jacobian[3:] - answer[3:]
+    # The one motion that leaves the tool's place, and what it turns the tool about.
+    axis = turning @ np.linalg.svd(task)[2][3]
+    axis = axis / np.linalg.norm(axis)
+    wanted = pose.rotation @ _turned(0.2 * axis) @ pose.rotation.T @ turn
+    found = []
+    for weight in (0.0, 10.0):
+        law = law_of(carried, limits, orientation_weight=weight)
+        reference = WorldReference(place, zero, zero, wanted, pose)
+        law.update(ArmState(Q, np.zeros(4), np.zeros(4)), reference, CYCLE, calm)
+        found.append(law.ddq)
+    assert axis @ turning @ (found[1] - found[0]) > 1.0
+    # The place comes first, and does not see the difference.
+    assert task @ (found[1] - found[0]) == pytest.approx(zero, abs=1e-6)
+
+
+def skew(vector: Array) -> Array:
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def test_without_a_base_pose_the_arm_brakes_and_stays(
     carried: MovingBaseDynamics, limits: JointLimits
 ) -> None:
     law = law_of(carried, limits)
-    stopped = WorldReference(np.zeros(3), np.zeros(3), np.zeros(3), None)
+    stopped = WorldReference(np.zeros(3), np.zeros(3), np.zeros(3), None, None)
     q, dq = Q.copy(), DQ.copy()
     for _ in range(1500):
         law.update(ArmState(q, dq, np.zeros(4)), stopped, CYCLE)
@@ -112,7 +144,7 @@ def test_joints_stay_within_their_limits(
     law.acceleration_max = limits.acceleration_max
     kinematics = Kinematics(carried.robot)
     far = pose.to_world(kinematics.position(Q)) + np.array([0.0, 0.4, 0.8])
-    reference = WorldReference(far, np.zeros(3), np.zeros(3), pose)
+    reference = WorldReference(far, np.zeros(3), np.zeros(3), None, pose)
     q, dq = Q.copy(), np.zeros(4)
     for _ in range(2000):
         law.update(ArmState(q, dq, np.zeros(4)), reference, CYCLE, free)
@@ -127,7 +159,7 @@ def test_a_limit_of_the_reaction_changes_the_acceleration_but_not_braking_at_a_l
     carried: MovingBaseDynamics, limits: JointLimits, pose: BasePose, free: FreeBaseMotion
 ) -> None:
     law = law_of(carried, limits)
-    target = WorldReference(np.array([0.3, 0.1, -0.5]), np.zeros(3), np.zeros(3), pose)
+    target = WorldReference(np.array([0.3, 0.1, -0.5]), np.zeros(3), np.zeros(3), None, pose)
     state = ArmState(np.array([0.1, 1.2, 0.2, 1.4]), np.zeros(4), np.zeros(4))
     law.update(state, target, 1e-3, free)
     whole = law.ddq

@@ -65,6 +65,10 @@ PARAMETERS = controller_parameters(
             'feedback gain on the tool position error', '1/s^2', 1.0, 2500.0, live=True),
         Parameter('kd', _GAINS.kd,
             'feedback gain on the tool velocity error', '1/s', 0.0, 200.0, live=True),
+        Parameter('orientation_weight', _GAINS.orientation_weight, (
+            'weight of the orientation goal relative to the posture goal, in directions that the '
+            'position goal leaves free'
+        ), '', 0.0, 100.0),
         Parameter('posture', [], (
             'joint configuration, in the middle of the reach, that the null-space motion '
             'approaches; the initial configuration if empty'
@@ -113,6 +117,18 @@ PARAMETERS = controller_parameters(
             'distance that the tool may move along the force during contact before the '
             'controller stops the tool'
         ), 'm', 1e-3, 0.5),
+    ),
+    *grouped(
+        'Set point for the drone',
+        Parameter('request_drone', False,
+            'whether the node publishes on flight_set_point the drone position at which the '
+            'arm is in the middle of its reach'),
+        Parameter('request_speed', 0.05, "velocity at which the drone's set point moves",
+            'm/s', 1e-3, 1.0),
+        Parameter('request_deadband', 0.03,
+            'distance between the set point and the drone position at which the arm is in the '
+            'middle of its reach; below this distance the set point stays constant', 'm', 1e-3,
+            1.0),
     ),
 )  # fmt: skip
 

@@ -8,11 +8,12 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from geometry_msgs.msg import Point, PoseStamped, Twist, WrenchStamped
+from geometry_msgs.msg import PoseStamped, Quaternion, Twist, WrenchStamped
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
+from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
@@ -20,10 +21,11 @@ from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.controllers.state_node import Attendant
 from aerarm_ros.ros.controllers.tool_topics import pose_message
 from aerarm_ros.ros.executors import create_steady_timer
+from aerarm_ros.ros.messages import quaternion as quaternion_of
 from aerarm_ros.ros.messages import seconds, vector, wrench, wrench_message
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.world.base_pose import BasePose
-from aerarm_ros.world.reach import DIRECTIONS, ArmReach, ReachMargin
+from aerarm_ros.world.reach import DIRECTIONS, ArmReach, DroneRequest, ReachMargin
 from aerarm_ros.world.tool_force import Phase
 from aerarm_ros.world.world_reference import WorldPath, WorldToolReference
 
@@ -36,6 +38,7 @@ _RECENT = 15  # last computed reaches, 3 s: under a swaying drone a warning woul
 _CONTACT_PERIOD_NS = 2_000_000
 _CONTACT_ENDS = 0.1  # [s] for which the end of a contact is published
 _POINTS_MAX = 500  # the loop's thread processes them between two states
+_ANY = 0.1  # A shorter quaternion means that no orientation is requested.
 
 
 class WorldTopics(Attendant):
@@ -74,7 +77,7 @@ class WorldTopics(Attendant):
         self.frame = ''
         self.margin: ReachMargin | None = None
         self.recent: deque[ReachMargin] = deque(maxlen=_RECENT)
-        self._seen: tuple[Array, BasePose, Array] | None = None
+        self._seen: tuple[Array, BasePose, Array, Array, float] | None = None
         self._posed_ns = 0
         self._poses = controller.advertise(topics.TOOL_POSE)
         self._reaches = controller.advertise(topics.ARM_REACH)
@@ -83,6 +86,18 @@ class WorldTopics(Attendant):
         self._layout = MultiArrayLayout(
             dim=[MultiArrayDimension(label=label, size=size, stride=size)]
         )
+        self._request: DroneRequest | None = None
+        if values.request_drone:
+            if arm.drone is None or not values.posture:
+                raise ValueError(
+                    'request_drone needs the drone and a posture in the middle of the reach: set '
+                    'the parameters drone_file, and posture with joint 4 far from 0'
+                )
+            self._request = DroneRequest(
+                Kinematics(arm.robot, values.frame), arm.drone, values.posture,
+                values.request_speed, values.request_deadband,
+            )  # fmt: skip
+            self._requests = controller.advertise(topics.FLIGHT_SET_POINT)
         controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
         controller.take_references(topics.TOOL_MOTION, self._on_motion)
         self._pressed_ns, self._pressed_until = 0, -np.inf
@@ -94,8 +109,12 @@ class WorldTopics(Attendant):
     # Targets, in the loop's thread.
 
     def _on_target(self, message: PoseStamped, now: float) -> None:
-        place = self._in_world('tool target', message.header.frame_id, message.pose.position, now)
-        self._reference.go_to(place, now)
+        rotation = _rotation('tool target', message.pose.orientation)
+        position = vector(message.pose.position)
+        place, rotation = self._in_world(
+            'tool target', message.header.frame_id, position, rotation, now
+        )
+        self._reference.go_to(place, now, rotation)
 
     def _on_motion(self, message: MultiDOFJointTrajectory, now: float) -> None:
         points = message.points
@@ -113,7 +132,8 @@ class WorldTopics(Attendant):
             self._values.tool_velocity_max,
             self._values.tool_acceleration_max,
         )
-        self._reference.follow(path, seconds(message.header.stamp) or now, now)
+        rotation = _rotation('tool motion', points[-1].transforms[0].rotation)
+        self._reference.follow(path, seconds(message.header.stamp) or now, now, rotation)
 
     def _on_force(self, message: WrenchStamped, now: float) -> None:
         force, moment = np.split(wrench(message), 2)
@@ -132,11 +152,12 @@ class WorldTopics(Attendant):
                 f'odometry, {self.frame!r}'
             )
 
-    def _in_world(self, what: str, frame: str, point: Point, now: float) -> Array:
-        """Return a position in the world at present, given in the base frame or in the world."""
-        place = vector(point)
+    def _in_world(
+        self, what: str, frame: str, place: Array, rotation: Array | None, now: float
+    ) -> tuple[Array, Array | None]:
+        """Transform a position and orientation from the base frame to the present world frame."""
         if frame in ('', self.frame):
-            return place
+            return place, rotation
         if frame != self._base:
             known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
             raise RejectedInputError(
@@ -149,7 +170,9 @@ class WorldTopics(Attendant):
             raise RejectedInputError(
                 f'{what} rejected, because the base pose in the world is unknown: {problem}'
             )
-        return self._reference.base.pose(now).to_world(place)
+        pose = self._reference.base.pose(now)
+        turned = None if rotation is None else pose.rotation @ rotation
+        return pose.to_world(place), turned
 
     # Called by the control loop.
 
@@ -168,8 +191,9 @@ class WorldTopics(Attendant):
         pose = self._reference.base.pose(now)
         transform = self._kinematics.transform(state.q)
         place = pose.to_world(transform[:3, 3])
-        reference = self._reference.reference
-        self._seen = np.array(state.q), pose, place if reference is None else reference.p
+        goal, reference = self._reference.goal, self._reference.reference
+        held = place if reference is None else reference.p
+        self._seen = np.array(state.q), pose, held, held if goal is None else goal, now
         header = base_header(stamp_ns, self.frame)
         self._poses.publish(pose_message(header, place, pose.rotation @ transform[:3, :3]))
 
@@ -215,11 +239,37 @@ class WorldTopics(Attendant):
         if seen is None:
             self.margin = None
             self.recent.clear()
+            if self._request is not None:
+                self._request.reset()
             return
-        self.margin = margin = self._reach.margin(*seen)
+        q, pose, held, goal, now = seen
+        self.margin = margin = self._reach.margin(q, pose, held)
         self.recent.append(margin)
         data = [*margin.along.tolist(), margin.time]
         self._reaches.publish(Float64MultiArray(layout=self._layout, data=data))
+        if self._request is not None:
+            place, turn = self._request.update(now, goal, pose)
+            self._requests.publish(
+                pose_message(base_header(round(now * 1e9), self.frame), place, turn)
+            )
+
+
+def _rotation(what: str, part: Quaternion) -> Array | None:
+    """Return the rotation matrix of a quaternion; None if the quaternion is zero."""
+    turn = quaternion_of(part)
+    length = float(np.linalg.norm(turn))
+    if not np.isfinite(length):
+        raise RejectedInputError(
+            f'{what} rejected: its orientation is NaN or infinite; check its publisher'
+        )
+    if length < _ANY:
+        return None
+    if not 0.9 < length < 1.1:
+        raise RejectedInputError(
+            f'{what} rejected, because its quaternion has length {length:.3g} instead of 1: send '
+            'a unit quaternion, or zeros to permit any orientation'
+        )
+    return rotation_matrix(turn / length)
 
 
 def _linear(twists: Sequence[Sequence[Twist]]) -> list[Array]:
