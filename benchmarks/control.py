@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from itertools import count
 from time import perf_counter_ns
 from typing import Any
 
@@ -109,34 +110,31 @@ def laws() -> dict[str, Callable[[], Any]]:
 def whole_loops() -> dict[str, Callable[[], Any]]:
     """Return updates of a node's complete loop: trajectory, law, limits and observer."""
     config, robot = load_arm_config(), load_robot()
-    limits = JointLimits.from_config(config)
     calls = {}
     for name, gain in (('loop: trajectory, computed torque', 0.0), ('  and observer', 30.0)):
         dynamics = MovingBaseDynamics(robot, config.column('reflected_inertia'))
         friction = FrictionCompensation(robot.viscous, robot.coulomb)
         law = ComputedTorque(dynamics, 400.0, 40.0, friction=friction)
-        follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4, path=10.0))
         observer = MomentumObserver(dynamics, gain, friction) if gain else None
-        loop = ControlLoop(limits, follower, law, observer, compensation_max=gain / 30.0)
-        calls[name] = _endless_motion(loop, follower)
+        calls[name] = endless_motion(law, observer, compensation_max=gain / 30.0)
     return calls
 
 
-def _endless_motion(
-    loop: ControlLoop[JointReference],
-    follower: TrajectoryFollower,
-    hear: Callable[[float], Any] = lambda _: None,
+def endless_motion(
+    law: ComputedTorque, *parts: Any, hear: Callable[[float], Any] = lambda _: None, **more: Any
 ) -> Callable[[], Any]:
-    state = ArmState(Q, DQ, np.zeros(4))
-    now = 0.0
+    """Return the update of a control loop whose arm always moves; `parts` and `more` are its."""
+    limits = JointLimits.from_config(load_arm_config())
+    follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4, path=10.0))
+    loop = ControlLoop(limits, follower, law, *parts, **more)
+    state, times = ArmState(Q, DQ, np.zeros(4)), count()
 
     def update() -> None:
-        nonlocal now
+        now = CYCLE * next(times)
         hear(now)
         if follower.status == 'holding':
             goal = Q + 0.5 if follower.reference.q[0] < Q[0] + 0.2 else Q
-            follower.go_to(np.clip(goal, loop.limits.position_min, loop.limits.position_max), now)
-        now += CYCLE
+            follower.go_to(np.clip(goal, limits.position_min, limits.position_max), now)
         loop.update(state, now)
 
     return update
@@ -156,42 +154,25 @@ def free_over_fixed() -> tuple[float, float]:
     law = ComputedTorque(dynamics, 400.0, 40.0, friction=friction)
     state, joints = ArmState(Q, DQ, np.zeros(4)), JointReference(Q + 0.01, DQ, DDQ)
     free = FreeBaseMotion(dynamics.still, np.ones(6), np.ones(6))
-    limits = JointLimits.from_config(config)
     whole = WholeBodyDynamics(robot, rotors, carrier)
     gravity = drone.gravity_in_base
     base = FreeBaseEstimator(gravity, RotorWrench(drone), whole, Mount.from_drone(drone))
-    heard = FlightSound(base, drone.rotor_names, 9.81 * whole.mass / drone.n)
-    cycles = []
-    for estimator, hear in ((None, lambda _: None), (base, heard.hear)):
-        follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4, path=10.0))
-        loop = ControlLoop(limits, follower, law, base=estimator)
-        cycles.append(_endless_motion(loop, follower, hear))
-    laws = [
-        lambda: law.update(state, joints, CYCLE),
-        lambda: law.update(state, joints, CYCLE, free),
-    ]
-    return _over(*laws), _over(*cycles)
+    random, cycles = np.random.default_rng(0), count(1)
 
-
-class FlightSound:
-    """Messages of a hovering drone for an estimator of its base: IMU and rotor commands."""
-
-    def __init__(self, base: FreeBaseEstimator, names: tuple[str, ...], thrust: float) -> None:
-        self._base, self._names, self._thrust = base, names, thrust
-        self._random = np.random.default_rng(0)
-        self._cycle = 0
-
-    def hear(self, now: float) -> None:
-        """Pass the messages up to the time `now` [s] to the estimator."""
-        self._cycle += 1
-        if self._cycle % IMU_CYCLES:
+    def hear(now: float) -> None:
+        """Pass an IMU sample and a command of a hovering drone to the estimator, at 250 Hz."""
+        if next(cycles) % IMU_CYCLES:
             return
-        noise = 1e-3 * self._random.standard_normal((3, 3))
-        up = np.array([0.0, 0.0, 9.81])
-        level = np.array([0.0, 0.0, 0.0, 1.0])
-        self._base.offer(ImuSample(now, level, noise[0], up + noise[1]), now)
-        thrust = self._thrust + np.resize(noise[2], len(self._names))
-        self._base.offer_rotors(self._names, thrust, now, now)
+        noise = 1e-3 * random.standard_normal((3, 3))
+        up, level = np.array([0.0, 0.0, 9.81]), np.array([0.0, 0.0, 0.0, 1.0])
+        base.offer(ImuSample(now, level, noise[0], up + noise[1]), now)
+        thrust = 9.81 * whole.mass / drone.n + np.resize(noise[2], drone.n)
+        base.rotors.offer(drone.rotor_names, thrust, now, now)
+
+    laws = _over(
+        lambda: law.update(state, joints, CYCLE), lambda: law.update(state, joints, CYCLE, free)
+    )
+    return laws, _over(endless_motion(law), endless_motion(law, base=base, hear=hear))
 
 
 def _over(first: Callable[[], Any], second: Callable[[], Any]) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import re
 from pathlib import Path
 from unittest.mock import patch
 
@@ -74,7 +75,7 @@ def parameters_of(executable: str) -> list[Parameter]:
     """
     name = command_modules()[executable]
     source = (ROOT / f'{name.replace(".", "/")}.py').read_text()
-    if 'run_node(' not in source:
+    if not re.search(r'run_node\(|^PARAMETERS = ', source, re.MULTILINE):
         return []
 
     def find(table: ParameterTable, *_: object) -> None:

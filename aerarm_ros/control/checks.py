@@ -71,6 +71,14 @@ def non_negative_number(name: str, value: float) -> float:
     return float(non_negative(name, value, 1)[0])
 
 
+def checked_vector(what: str, values: npt.ArrayLike, unit: str) -> Array:
+    """Return a vector (3,); raise RejectedInputError unless `values` are three finite numbers."""
+    vector = np.array(values, dtype=float)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise RejectedInputError(f'{what} {vector} must be three finite numbers [{unit}]')
+    return vector
+
+
 _ROUNDING = 1e-9
 
 
@@ -120,6 +128,21 @@ class JointLimits:
                 f'{list(self.names)} once'
             )
         return [list(names).index(name) for name in self.names]
+
+    def part(self, names: Sequence[str]) -> list[int]:
+        """Return the index of each joint in `names`, which are some of the arm's joints.
+
+        Raises
+        ------
+        RejectedInputError
+            If there is no name, a name occurs twice or belongs to no joint.
+        """
+        if not names or len(set(names)) < len(names) or not set(names) <= set(self.names):
+            raise RejectedInputError(
+                f'joint names {list(names)} do not match the arm: name joints of '
+                f'{list(self.names)}, each once'
+            )
+        return [self.names.index(name) for name in names]
 
     def including(self, q: Array) -> 'JointLimits':
         """Return limits that are widened to include the posture `q` (n,) [rad]."""

@@ -78,9 +78,6 @@ _QUINTIC_HERMITE = np.linalg.inv(
         [0, 0, 2, 6, 12, 20],
     ]
 )
-# Values and slopes at both ends -> coefficients of degree 3.
-_CUBIC_HERMITE = np.zeros((6, 4))
-_CUBIC_HERMITE[:4] = np.linalg.inv([[1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 1, 1], [0, 1, 2, 3]])
 # Order of a derivative in x -> factors of the remaining coefficients.
 _FACTORS = {
     order: np.array([perm(power, order) for power in range(order, 6)], dtype=float)
@@ -111,30 +108,10 @@ class PolynomialPath:
         return cls(t, np.einsum('ij,jsn->sin', _QUINTIC_HERMITE, np.array(ends)))
 
     @classmethod
-    def cubic(cls, times: ArrayLike, q: Array, dq: Array) -> 'PolynomialPath':
-        """Return the path through given positions and velocities, (S + 1, n) each."""
-        t, h = _durations(times)
-        ends = [q[:-1], h * dq[:-1], q[1:], h * dq[1:]]
-        return cls(t, np.einsum('ij,jsn->sin', _CUBIC_HERMITE, np.array(ends)))
-
-    @classmethod
     def rest_to_rest(cls, start: Array, end: Array, duration: float) -> 'PolynomialPath':
         """Return the quintic from rest at `start` (n,) to rest at `end` (n,) [rad]."""
         zero = np.zeros((2, len(start)))
         return cls.quintic((0.0, duration), np.array([start, end]), zero, zero)
-
-    @classmethod
-    def trapezoid(cls, start: Array, end: Array, duration: float) -> 'PolynomialPath':
-        """Return a rest-to-rest path from `start` to `end`, (n,), with trapezoidal velocity.
-
-        Acceleration in the first and deceleration in the last third of the time are constant, so
-        the acceleration jumps.
-        """
-        shares = np.array([[0.0], [0.25], [0.75], [1.0]])
-        speed = 1.5 / duration * (end - start)
-        q = start + shares * (end - start)
-        dq = np.array([[0.0], [1.0], [1.0], [0.0]]) * speed
-        return cls.cubic(duration / 3.0 * np.arange(4.0), q, dq)
 
     @property
     def duration(self) -> float:

@@ -21,7 +21,7 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.control_loop import LONGEST_GAP
 from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.motion.signals import ArmState, JointReference
-from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
+from aerarm_ros.ros.controllers.controller_parameters import MODEL_PARAMETERS
 from aerarm_ros.ros.controllers.reaction_topics import (
     BANDWIDTH,
     CONTACT_PARAMETERS,
@@ -47,7 +47,7 @@ PARAMETERS = state_node_parameters(
         'Hz', 0.1, 500.0),
     *LOAD_PARAMETERS,
     *CONTACT_PARAMETERS,
-    *ENERGY_PARAMETERS,
+    *MODEL_PARAMETERS,
 )  # fmt: skip
 
 

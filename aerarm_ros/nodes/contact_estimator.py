@@ -30,7 +30,7 @@ from aerarm_ros.ros.controllers.contact_parameters import (
     contact_settings,
     read_residuals,
 )
-from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, load_share
+from aerarm_ros.ros.controllers.controller_parameters import MODEL_PARAMETERS, load_share
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.messages import wrench_message
 from aerarm_ros.ros.process.node_main import run_node
@@ -39,7 +39,7 @@ from aerarm_ros.ros.states.state_stream import base_header
 NAME = 'contact_estimator'
 
 PARAMETERS = state_node_parameters(
-    *FILE_PARAMETERS, *CONTACT_ESTIMATOR_PARAMETERS, *ENERGY_PARAMETERS
+    *FILE_PARAMETERS, *CONTACT_ESTIMATOR_PARAMETERS, *MODEL_PARAMETERS
 )
 
 

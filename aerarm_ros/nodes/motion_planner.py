@@ -33,7 +33,7 @@ from aerarm_ros.planner.motion_plan import ENERGY, OBJECTIVES, MotionPlan, PlanE
 from aerarm_ros.planner.motion_planner import MotionPlanner
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.controllers.controller_parameters import (
-    ENERGY_PARAMETERS,
+    MODEL_PARAMETERS,
     PAYLOAD,
     load_share,
     payload_problem,
@@ -91,7 +91,7 @@ PLANNER_PARAMETERS = (
         'time from the newest joint state to the start of the motion; 0 to start the motion when '
         'the controller receives it',
               's', 0.0, 10.0, live=True),
-    *ENERGY_PARAMETERS,
+    *MODEL_PARAMETERS,
     *ARM_FILES,
     *SURROUNDINGS,
 )  # fmt: skip

@@ -20,7 +20,7 @@ from aerarm_ros.control.base.base_motion_estimator import NONE
 from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_estimator import FRICTION_NAMES, OnlineEstimate, PayloadEstimator
-from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS, load_share
+from aerarm_ros.ros.controllers.controller_parameters import MODEL_PARAMETERS, load_share
 from aerarm_ros.ros.controllers.payload_parameters import ESTIMATOR_PARAMETERS, estimator_settings
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.messages import inertia_message
@@ -32,7 +32,7 @@ NAME = 'payload_estimator'
 # [s] after the motors have started to hold the arm; a person who carried it may still touch it.
 _RELEASE_TIME = 1.0
 
-PARAMETERS = state_node_parameters(*ESTIMATOR_PARAMETERS, *ENERGY_PARAMETERS)
+PARAMETERS = state_node_parameters(*ESTIMATOR_PARAMETERS, *MODEL_PARAMETERS)
 
 
 class PayloadEstimatorNode(StateNode):

@@ -437,7 +437,8 @@ class BasePoseEstimator:
                     time,
                     earlier.position + share * (state.position - earlier.position),
                     earlier.velocity + share * (state.velocity - earlier.velocity),
-                    earlier.rotation @ _turned(share * _turn(earlier.rotation.T @ state.rotation)),
+                    earlier.rotation
+                    @ _turned(share * rotation_vector(earlier.rotation.T @ state.rotation)),
                 )
             earlier = state
         step = time - earlier.time
@@ -451,7 +452,7 @@ class BasePoseEstimator:
         predicted = self._at(measured.time)
         off = measured.position - predicted.position
         faster = measured.velocity - predicted.velocity
-        turn = _turn(predicted.rotation.T @ measured.rotation)
+        turn = rotation_vector(predicted.rotation.T @ measured.rotation)
         if self._has_jumped(off, turn, now):
             self._apply(self._history[0].time, off, np.zeros(3), _turned(turn))
             off = turn = np.zeros(3)
@@ -542,7 +543,7 @@ def _turned(turn: Array) -> Array:
     )
 
 
-def _turn(rotation: Array) -> Array:
+def rotation_vector(rotation: Array) -> Array:
     """Return the rotation vector (3,) [rad] of a rotation by less than half a turn."""
     half = 0.5 * np.array(
         [

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from aerarm_ros.control.checks import JointLimits, finite, positive
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.flight.flight_state import FlightTarget, yaw_of
+from aerarm_ros.flight.flight_state import yaw_of
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.world.base_pose import BasePose
@@ -65,10 +65,6 @@ class ArmReach:
         self._high = limits.position_max - _MARGIN
         self._inverse = DampedInverse(0.03, 0.02) if inverse is None else inverse
 
-    def beyond(self, place: Array, q: Array) -> float:
-        """Return how far [m] a point (3,) in the base frame is out of reach; 0 within reach."""
-        return self.beyond_any(place[np.newaxis], q)
-
     def beyond_any(self, places: Array, q: Array) -> float:
         """Return how far [m] the points (M, 3) of a path are out of reach at most; 0 within reach.
 
@@ -113,21 +109,20 @@ class ArmReach:
 
 
 class DroneRequest:
-    """Slow set point for the drone, which keeps the arm in the middle of its reach.
+    """Slow set point for the drone, which returns the arm to the middle of its reach.
 
-    The requested position depends on the tool's target and on the heading at the start of the
-    request. The request does not depend on the drone's position or the arm's posture, so it closes
-    no feedback loop. Once its goal is further away than `deadband`, the request moves to the goal
-    at `speed`; until then the request stays constant.
+    The set point depends on the tool's target and on the heading at the first update, but neither
+    on the drone's position nor on the arm's posture. It therefore closes no feedback loop. If the
+    goal is further away than `deadband`, the set point moves to the goal at `speed`.
 
     Parameters
     ----------
     middle : (n,) array_like
         Posture in which the arm is in the middle of its reach [rad].
     speed : float
-        Speed at which the request moves [m/s].
+        Speed of the set point [m/s].
     deadband : float
-        Distance of the request from its goal beyond which the request begins to move [m].
+        Distance of the set point from its goal above which the set point begins to move [m].
     """
 
     def __init__(
@@ -138,34 +133,31 @@ class DroneRequest:
         speed: float = 0.05,
         deadband: float = 0.03,
     ) -> None:
-        rotation, mount = drone.mount.rotation, np.array(drone.mount.position)
         posture = finite('middle', middle, kinematics.robot.n)
-        self._to_mount, self._mount = rotation, mount
-        self._tool = mount + rotation @ kinematics.position(posture)  # in body axes
+        self._to_mount, self._mount = drone.mount.rotation, np.array(drone.mount.position)
+        self._tool = self._mount + self._to_mount @ kinematics.position(posture)  # in body axes
         self._speed, self._deadband = positive('speed', speed), positive('deadband', deadband)
         self.reset()
 
     def reset(self) -> None:
-        """Restart the request at the next received position of the drone."""
-        self._place: Array | None = None
-        self._yaw = 0.0
-        self._time = 0.0
+        """Start at the drone's position and heading at the next update."""
+        self._state: tuple[Array, Array, float] | None = None
         self._moves = False
 
-    def update(self, now: float, target: Array, pose: BasePose) -> FlightTarget:
-        """Return the drone position to request at `now` [s], for a tool target (3,)."""
-        body = pose.rotation @ self._to_mount.T
-        place = self._place  # another thread may reset the request
-        if place is None:
-            place = pose.position - body @ self._mount
-            self._yaw, self._time = yaw_of(body), now
-        step, self._time = min(max(now - self._time, 0.0), 1.0), now
-        c, s = np.cos(self._yaw), np.sin(self._yaw)
-        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        way = target - turned @ self._tool - place
+    def update(self, now: float, target: Array, pose: BasePose) -> tuple[Array, Array]:
+        """Return the position (3,) and heading (3, 3) of the set point, for a tool target (3,)."""
+        if self._state is None:
+            body = pose.rotation @ self._to_mount.T
+            yaw = yaw_of(body)
+            c, s = np.cos(yaw), np.sin(yaw)
+            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            self._state = pose.position - body @ self._mount, turn, now
+        place, turn, before = self._state
+        way = target - turn @ self._tool - place
         left = float(np.linalg.norm(way))
         self._moves = left > (1e-6 if self._moves else self._deadband)
         if self._moves:
-            place = place + min(1.0, self._speed * step / left) * way
-        self._place = place
-        return FlightTarget(place, self._yaw)
+            step = self._speed * min(max(now - before, 0.0), 1.0)
+            place = place + min(1.0, step / left) * way
+        self._state = place, turn, now
+        return place, turn

@@ -131,17 +131,8 @@ class RotorGovernor:
             self._project = self._project - sideways @ sideways.T
         self.last_stretch = 1.0
 
-    def thrusts(self, motion: JointReference) -> tuple[Array, Array, Array]:
-        """Return the thrusts `along`, `across` and `still` (m,) [N] at a point of a motion.
-
-        At the pace r with its rate r' the thrusts are `along r' + across r^2 + still`.
-        """
-        _, com, _ = self.whole.composite_inertia(motion.q)
-        rows = [self._mixer @ self._given(wrench, com) for wrench in self._wrenches(motion)]
-        return rows[0], rows[1], rows[2]
-
     def _wrenches(self, motion: JointReference) -> tuple[Array, Array, Array]:
-        """Return the wrenches (6,) for which `thrusts` returns the thrusts at a point."""
+        """Return the wrenches (6,) for r', r^2 and hovering at a point, see the class."""
         zero, rest = np.zeros(self.whole.n), np.zeros(3)
         q, dq, ddq = motion
         still = self.whole.forces(q, zero, zero, rest, self._felt)[:6]
@@ -170,12 +161,6 @@ class RotorGovernor:
         lever = cross(self._up, self._tool.position(q) - com)
         velocity = self._tool.position_jacobian(q) @ dq - linear / self.whole.mass
         return self._unknown * float(lever @ velocity)
-
-    def usage(self, motion: JointReference, pace: float = 1.0, change: float = 0.0) -> float:
-        """Return the largest use of a rotor's range: 0 in its middle, 1 at its limits."""
-        along, across, still = self.thrusts(motion)
-        wanted = along * change + across * pace**2 + still
-        return float((np.abs(wanted - self._middle) / self._half).max())
 
     def govern(self, motion: PacedMotion) -> PacedMotion:
         """Return the motion, slowed along its path as far as the rotors require.
@@ -261,7 +246,7 @@ class RotorGovernor:
         return self._share
 
     def usage_in_contact(self, q: Array, force: Array, place: Array) -> float:
-        """Return the largest use of a rotor's range (as `usage`) while the tool presses.
+        """Return the largest use of a rotor's range while the tool presses: 1 at its limits.
 
         Parameters
         ----------

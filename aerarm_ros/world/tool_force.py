@@ -161,9 +161,9 @@ class ForceSettings(NamedTuple):
         Distance of the approach after which the tool stops without a wall [m].
     contact_force : float
         Force from which the approach counts as contact [N].
-    ramp : float
+    force_ramp : float
         Rate at which the force changes [N/s].
-    gain : float
+    force_gain : float
         Gain of the force's integral feedback [1/s].
     travel_max : float
         Distance along the force by which the tool may move in contact before it stops [m].
@@ -173,8 +173,8 @@ class ForceSettings(NamedTuple):
     approach_speed: float = 0.03
     approach_max: float = 0.2
     contact_force: float = 1.5
-    ramp: float = 5.0
-    gain: float = 4.0
+    force_ramp: float = 5.0
+    force_gain: float = 4.0
     travel_max: float = 0.01
 
 
@@ -243,7 +243,7 @@ class ToolForce:
         """Known force (3,) [N] on the tool, in world axes."""
         return np.asarray(-self._commanded * self.direction)
 
-    def push(self, force: npt.ArrayLike, place: Array, now: float) -> bool:
+    def push(self, force: Array, place: Array, now: float) -> bool:
         """Set the desired force (3,) [N] on the wall, with the tool at `place` (3,) [m].
 
         Returns
@@ -254,13 +254,10 @@ class ToolForce:
         Raises
         ------
         RejectedInputError
-            If the force is not finite or too large, or has another direction than that of the
+            If the force is too large or too small, or has another direction than that of the
             present contact.
         """
-        vector = np.array(force, dtype=float)
-        if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-            raise RejectedInputError(f'tool force {vector} must be three finite numbers [N]')
-        size, most = float(np.linalg.norm(vector)), self.settings.force_max
+        size, most = float(np.linalg.norm(force)), self.settings.force_max
         if size > most:
             raise RejectedInputError(
                 f'tool force of {size:.1f} N is larger than force_max ({most:g} N): reduce it, or '
@@ -273,7 +270,7 @@ class ToolForce:
                 f'tool force of {size:.2g} N is too small to be measured: send {_LEAST:g} N or '
                 'more, or zero to end the contact'
             )
-        direction = vector / size
+        direction = force / size
         if self.is_active and direction @ self.direction < 0.999:
             raise RejectedInputError(
                 'tool force: the direction cannot change during approach and contact: send a '
@@ -354,10 +351,10 @@ class ToolForce:
     def _press(self, at: float, now: float, dt: float) -> None:
         settings = self.settings
         self._along = at
-        step = settings.ramp * dt
+        step = settings.force_ramp * dt
         self.planned += min(max(self.set_force - self.planned, -step), step)
         most = max(_CORRECTION, _CORRECTION_SHARE * self.set_force)
-        self._correction += dt * settings.gain * (self.planned - self.force)
+        self._correction += dt * settings.force_gain * (self.planned - self.force)
         self._correction = min(max(self._correction, -most), most)
         self._commanded = max(0.0, self.planned + self._correction)
         if self.force > _LOST_SHARE * self.planned:

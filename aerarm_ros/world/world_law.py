@@ -16,7 +16,7 @@ from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.path_stop import brake
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference, limited
-from aerarm_ros.world.base_pose import BasePose
+from aerarm_ros.world.base_pose import BasePose, rotation_vector
 from aerarm_ros.world.rotor_governor import ReactionLimit
 
 # Fraction of the acceleration limits for braking in the base frame.
@@ -60,7 +60,7 @@ class WorldGains(NamedTuple):
     ----------
     kp, kd : float
         Gains of the tool's position [1/s^2], [1/s].
-    orientation : float
+    orientation_weight : float
         Weight of the orientation relative to the posture, in the null space of the tool's position
         [-].
     posture_kp, posture_kd : float
@@ -71,7 +71,7 @@ class WorldGains(NamedTuple):
 
     kp: float = 400.0
     kd: float = 40.0
-    orientation: float = 1.0
+    orientation_weight: float = 1.0
     posture_kp: float = 4.0
     posture_kd: float = 4.0
     joint_kp: float = 400.0
@@ -245,7 +245,7 @@ class WorldLaw:
         self.error = error = to_base @ (reference.p - pose.position) - place
         wanted = to_base @ reference.ddp + gains.kp * error
         wanted = wanted + gains.kd * (to_base @ reference.dp - velocity)
-        pushed, answer, turned = self._drift(q, dq, base)
+        pushed, answer = self._drift(q, dq, base)
         spin = pushed[3:]
         # Acceleration of the tool without joint acceleration.
         curve = cross(rate, cross(rate, place) + 2.0 * slide)
@@ -253,12 +253,14 @@ class WorldLaw:
         drift = pushed[:3] + cross(spin, place) + base.gravity + curve + own[:3]
         task = linear - (answer[:3] + np.array([cross(c, place) for c in answer[3:].T]).T)
         self.jacobian, self.task = linear, task
-        preferred = self._preferred(q, dq)
-        if reference.rotation is not None and gains.orientation:
-            turning = angular - answer[3:]
-            wanted_spin = self._spin(transform, reference.rotation, pose, angular @ dq)
+        preferred = gains.posture_kp * (self.posture - q) - gains.posture_kd * dq
+        if reference.rotation is not None and gains.orientation_weight:
+            off = rotation_vector(to_base @ reference.rotation @ transform[:3, :3].T)
+            turned = angular @ dq
+            turn = gains.kp * limited(off, _ANGLE_MAX) - gains.kd * (turned + rate)
+            turn = turn - spin - own[3:] - cross(rate, turned)
             preferred = self._with_orientation(
-                task, wanted - drift, preferred, turning, wanted_spin - spin - own[3:] - turned
+                task, wanted - drift, preferred, angular - answer[3:], turn
             )
         low, high = self._bounds(q, dq)
         ddq, self.least_singular_value = resolve_within(
@@ -268,49 +270,31 @@ class WorldLaw:
             ddq = self.limit(q, dq, ddq, dt)
         return np.minimum(np.maximum(ddq, low), high)
 
-    def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array, Array]:
-        """Return the base's acceleration (6,) at ddq = 0, and its decrease per ddq (6, n).
-
-        The third result is the tool's angular acceleration (3,) from products of velocities.
-        """
+    def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array]:
+        """Return the base's acceleration (6,) at ddq = 0, and its decrease per ddq (6, n)."""
         own = np.concatenate([base.specific_force, base.angular_acceleration])
-        turned = cross(base.angular_velocity, self._kinematics.jacobian(q)[3:] @ dq)
         if not isinstance(base, FreeBaseMotion):
-            return own, np.zeros((6, self._limits.n)), turned
+            return own, np.zeros((6, self._limits.n))
         whole = self._dynamics.whole
         forces = whole.forces(q, dq, np.zeros(self._limits.n), base.angular_velocity)[:6]
         inverse, coupling = whole.response(q)
         share = base.share
         answer = share[:, np.newaxis] * (inverse @ coupling)
-        return own + share * (inverse @ (base.wrench - forces)), answer, turned
-
-    def _preferred(self, q: Array, dq: Array) -> Array:
-        gains = self.gains
-        return np.asarray(gains.posture_kp * (self.posture - q) - gains.posture_kd * dq)
-
-    def _spin(self, transform: Array, wanted: Array, pose: BasePose, turning: Array) -> Array:
-        """Return the angular acceleration (3,) toward the desired orientation, in base axes."""
-        gains = self.gains
-        off = pose.rotation.T @ wanted @ transform[:3, :3].T
-        half = np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
-        error = limited(0.5 * half, _ANGLE_MAX)
-        return np.asarray(gains.kp * error - gains.kd * (turning + pose.rate))
+        return own + share * (inverse @ (base.wrench - forces)), answer
 
     def _with_orientation(
-        self, task: Array, place: Array, preferred: Array, turning: Array, spin: Array
+        self, task: Array, place: Array, preferred: Array, turning: Array, turn: Array
     ) -> Array:
-        """Return the joint acceleration that does not move the tool, for orientation and posture.
+        """Return the null-space acceleration z for the orientation and the preferred z.
 
-        The result minimizes `weight |J_w ddq - spin|^2 + |z - preferred|^2` over z, with `ddq =
-        J^# place + N z`, for posture and orientation.
+        z minimizes `weight |turning ddq - turn|^2 + |z - preferred|^2` with
+        `ddq = J^# place + N z`.
         """
-        found = self._inverse.of(task)
+        found, weight = self._inverse.of(task), self.gains.orientation_weight
         free = turning @ found.null_space
-        left = spin - turning @ (found.inverse @ place)
-        weight = self.gains.orientation
+        left = turn - turning @ (found.inverse @ place)
         matrix = weight * free.T @ free + np.eye(len(preferred))
-        solution = np.linalg.solve(matrix, weight * free.T @ left + preferred)
-        return np.asarray(solution, dtype=float)
+        return np.asarray(np.linalg.solve(matrix, weight * free.T @ left + preferred))
 
     def _bounds(self, q: Array, dq: Array) -> tuple[Array, Array]:
         """Return the accelerations (n,) [rad/s^2] between which no joint leaves its limits."""

@@ -1,13 +1,14 @@
 """Tool reference in the world: set points, timed paths, stops, and jumps of the odometry."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.checks import RejectedInputError, positive
+from aerarm_ros.control.checks import RejectedInputError, checked_vector, positive
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
+from aerarm_ros.control.references.joint_trajectory import Rows, checked_rows, checked_times, slopes
 from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
@@ -35,11 +36,11 @@ class WorldPath:
 
     Parameters
     ----------
-    times : (M,) array_like
+    times : (M,) sequence
         Times of the points from the start [s], rising, the first not negative.
-    places : (M, 3) array_like
+    places : (M, 3) sequence
         Points of the tool in the world [m].
-    velocities, accelerations : (M, 3) array_like, optional
+    velocities, accelerations : (M, 3) sequences, optional
         Velocities [m/s] and accelerations [m/s^2] at the points; by default slopes between the
         neighbouring points, and zero at both ends.
     velocity_max, acceleration_max : float
@@ -53,38 +54,31 @@ class WorldPath:
 
     def __init__(
         self,
-        times: npt.ArrayLike,
-        places: npt.ArrayLike,
-        velocities: npt.ArrayLike | None = None,
-        accelerations: npt.ArrayLike | None = None,
+        times: Sequence[float],
+        places: Rows,
+        velocities: Rows | None = None,
+        accelerations: Rows | None = None,
         velocity_max: float = np.inf,
         acceleration_max: float = np.inf,
     ) -> None:
-        t, p = np.array(times, dtype=float), np.array(places, dtype=float)
-        if t.ndim != 1 or len(t) < 2 or p.shape != (len(t), 3):
+        what = 'tool path'
+        t = checked_times(what, times)
+        rows = [
+            checked_rows(what, given, len(t), 3) for given in (places, velocities, accelerations)
+        ]
+        p, dp, ddp = rows
+        if p is None or len(t) < 2:
             raise RejectedInputError(
-                'tool path: two points or more are needed, each with a time and a position'
+                f'{what}: two points or more are needed, each with a time and a position'
             )
-        slopes = _slopes(t, p) if velocities is None else np.array(velocities, dtype=float)
-        if slopes.shape != p.shape:
-            raise RejectedInputError('tool path: every point needs a velocity, or no point has one')
-        curves = _slopes(t, slopes)
-        if accelerations is not None:
-            curves = np.array(accelerations, dtype=float)
-        if curves.shape != p.shape:
+        dp = slopes(t, p) if dp is None else dp
+        ddp = slopes(t, dp) if ddp is None else ddp
+        if np.linalg.norm(dp[-1]) > _AT_REST:
             raise RejectedInputError(
-                'tool path: every point needs an acceleration, or no point has one'
-            )
-        if not all(np.all(np.isfinite(rows)) for rows in (t, p, slopes, curves)):
-            raise RejectedInputError('tool path: a value is NaN or infinite; check its publisher')
-        if np.linalg.norm(slopes[-1]) > _AT_REST:
-            raise RejectedInputError(
-                f'tool path: the last point has velocity {np.linalg.norm(slopes[-1]):.2f} m/s '
+                f'tool path: the last point has velocity {np.linalg.norm(dp[-1]):.2f} m/s '
                 'instead of zero'
             )
-        if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
-            raise RejectedInputError('tool path: times must increase and must not be negative')
-        self._path = PolynomialPath.quintic(t - t[0], p, slopes, curves)
+        self._path = PolynomialPath.quintic(t - t[0], p, dp, ddp)
         self._begin = float(t[0])
         self.duration = float(t[-1])
         self.places = p
@@ -205,9 +199,7 @@ class WorldToolReference:
         RejectedInputError
             If the target is not finite, or out of reach.
         """
-        target = np.array(place, dtype=float)
-        if target.shape != (3,) or not np.all(np.isfinite(target)):
-            raise RejectedInputError(f'tool target {target} must be three finite numbers [m]')
+        target = checked_vector('tool target', place, 'm')
         self._require_reach('tool target', target[np.newaxis], now)
         self._begin(_Goal(target, None, now, rotation), now)
 
@@ -248,13 +240,13 @@ class WorldToolReference:
             raise RejectedInputError(
                 f'tool force: the tool is not held in the world: {self.reason}'
             )
-        if np.all(np.isfinite(force)) and np.any(force):
-            self._require_rotors(np.array(force, dtype=float), now)
-        if not pusher.is_active and np.all(np.isfinite(force)):
-            vector = np.array(force, dtype=float)
+        vector = checked_vector('tool force', force, 'N')
+        if np.any(vector):
+            self._require_rotors(vector, now)
+        if not pusher.is_active:
             nearest = self._place + _FIRST_STEP * vector / (np.linalg.norm(vector) + 1e-9)
             self._require_reach('the wall of the tool force', nearest[np.newaxis], now)
-        if not pusher.push(force, self._place, now):
+        if not pusher.push(vector, self._place, now):
             pusher.reason = ''
             if pusher.is_active:
                 pusher.reset()
@@ -456,10 +448,3 @@ def planned_joints(
             q = before.q + 0.5 * step * (before.dq + dq) + step**2 / 12.0 * (before.ddq - ddq)
         rows.append(JointReference(q, dq, ddq))
     return JointReference(*map(np.array, zip(*rows, strict=True)))
-
-
-def _slopes(times: Array, values: Array) -> Array:
-    """Return the slope at each point by finite differences; zero at both ends."""
-    slopes = np.zeros_like(values)
-    slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]
-    return slopes

@@ -28,8 +28,20 @@ class Move:
 
     def path(self, shape: str) -> PolynomialPath:
         """Return the path of the move as a quintic or a trapezoid."""
-        make = PolynomialPath.trapezoid if shape == TRAPEZOID else PolynomialPath.rest_to_rest
+        make = trapezoid if shape == TRAPEZOID else PolynomialPath.rest_to_rest
         return make(self.start, self.goal, self.duration)
+
+
+def trapezoid(start: np.ndarray, end: np.ndarray, duration: float) -> PolynomialPath:
+    """Return a rest-to-rest path between postures (n,) with trapezoidal velocity.
+
+    Acceleration in the first and deceleration in the last third of the time are constant.
+    """
+    shares = np.zeros((3, 6))  # coefficients of 1, x, x^2 in each third
+    shares[:, :3] = [[0.0, 0.0, 0.25], [0.25, 0.5, 0.0], [0.75, 0.5, -0.25]]
+    coefficients = shares[:, :, np.newaxis] * (end - start)
+    coefficients[:, 0] += start
+    return PolynomialPath(tuple(duration / 3.0 * np.arange(4.0)), coefficients)
 
 
 def draw_moves(

@@ -79,7 +79,7 @@ class HoldingRecord(FlightRecord):
             place = self.places[row] + body @ mount.position
             pose = BasePose(place, np.zeros(3), body @ mount.rotation, np.zeros(3))
             q, target = self.postures[row], self.targets[row]
-            beyond = reach.beyond(pose.to_base(target), q)
+            beyond = reach.beyond_any(pose.to_base(target)[np.newaxis], q)
             bounds.append((beyond, -reach.margin(q, pose, target).least))
         beyond, least = 1e3 * np.array(bounds).max(axis=0)
         return replace(self, bound=(float(beyond), float(-least)))

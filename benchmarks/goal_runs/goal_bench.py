@@ -25,8 +25,10 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.nodes.controllers import computed_torque, gravity_compensation
+from aerarm_ros.nodes.controllers.computed_torque import ComputedTorqueNode
+from aerarm_ros.nodes.controllers.gravity_compensation import GravityCompensationNode
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
+from aerarm_ros.ros.controllers.trajectory_input import TrajectoryController
 from aerarm_ros.ros.emulation.emulation_parameters import PAYLOAD_RADIUS
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
@@ -35,15 +37,10 @@ SETTLED = 5e-3  # [rad] distance from the goal
 STOPPED = 0.01  # [rad/s] joint_trajectory_controller's stopped_velocity_tolerance
 REVERSAL = 2e-4  # [rad] smallest reversal of a joint that counts, about four encoder counts
 # Servers of the action by name, with parameters that differ from the defaults.
-_COMPUTED_TORQUE = (computed_torque, computed_torque.ComputedTorqueNode)
-CONTROLLERS: Mapping[str, tuple[Any, Any, Mapping[str, Any]]] = {
-    'computed_torque': (*_COMPUTED_TORQUE, {}),
-    'computed_torque, boards': (*_COMPUTED_TORQUE, {'feedback': 'boards'}),
-    'gravity_compensation': (
-        gravity_compensation,
-        gravity_compensation.GravityCompensationNode,
-        {},
-    ),
+CONTROLLERS: Mapping[str, tuple[type[TrajectoryController], Mapping[str, Any]]] = {
+    'computed_torque': (ComputedTorqueNode, {}),
+    'computed_torque, boards': (ComputedTorqueNode, {'feedback': 'boards'}),
+    'gravity_compensation': (GravityCompensationNode, {}),
 }
 _QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
 
@@ -110,14 +107,15 @@ class GoalBench:
     def __init__(
         self, controller: str, seed: int, *, payload: float = 0.0, **parameters: Any
     ) -> None:
-        module, node, fixed = CONTROLLERS[controller]
-        values = SimpleNamespace(**{p.name: p.default for p in module.PARAMETERS})
-        vars(values).update({**fixed, **parameters})
-        arm = ControlledArm.from_parameters(values)
-        self._made = SimpleNamespace(values=values, arm=arm, base=arm.base(values))
-        self.loop = node.make_loop(self._made)
-        self.follower = self._made.follower
-        self.goals = TrajectoryGoals(self.follower)
+        kind, fixed = CONTROLLERS[controller]
+        node = kind.__new__(kind)  # without its ROS node
+        defaults = {p.name: p.default for p in kind.parameters}
+        node.values = SimpleNamespace(**{**defaults, **fixed, **parameters})
+        arm = node.arm = ControlledArm.from_parameters(node.values)
+        node.base = arm.base(node.values)
+        self.loop = node.make_loop()
+        self.follower = node.follower
+        self.goals = TrajectoryGoals(self.follower, lambda *ended: self._ended.append(ended))
         self.names = arm.config.joint_names
         self._random = np.random.default_rng(seed)
         config, robot = load_arm_config().with_encoders('absolute'), load_robot()
@@ -165,13 +163,13 @@ class GoalBench:
         trajectory = JointTrajectory(limits, self.names, [duration], [goal])
         self.goals.start('goal', trajectory, self.now)
         begin, errors, away = self.now, [], []
-        ended: list[Any] = []
+        ended = self._ended = []
         while not ended or self.now < begin + duration + rest:
             self.cycle()
             errors.append(self.follower.reference.q - self.joints)
             speed = np.abs(self.transport.plant.velocity).max()
             away.append(np.abs(self.joints - goal).max() > SETTLED or speed > STOPPED)
-            ended = ended or self.goals.update()
+            self.goals.update()
         count = round(duration / CYCLE)
         moving = np.array(errors[:count])
         outside = np.flatnonzero(away)

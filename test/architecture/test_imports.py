@@ -1,6 +1,7 @@
 """Rules of imports and modules, checked by the syntax trees."""
 
 import ast
+import re
 import xml.etree.ElementTree as ElementTree
 from graphlib import TopologicalSorter
 
@@ -101,7 +102,7 @@ def test_the_package_nodes_contains_only_executables() -> None:
     assert sorted(name for folder in folders for name in modules_in(folder)) == executables()
     for folder in folders:
         for name in modules_in(folder):
-            assert '\ndef main(' in (ROOT / folder / f'{name}.py').read_text()
+            assert re.search(r'\n(def main\(|main = )', (ROOT / folder / f'{name}.py').read_text())
 
 
 def test_every_ros_module_is_a_dependency() -> None:

@@ -42,7 +42,7 @@ def test_the_wheel_contains_both_packages_the_shared_files_and_executables(wheel
         name, target = (part.strip() for part in line.split('='))
         assert target == f'aerarm_ros.executables:{name}'
         module = command_modules()[name].replace('.', '/')
-        assert 'def main(' in content.read(f'{module}.py').decode()
+        assert re.search(r'\n(def main\(|main = )', content.read(f'{module}.py').decode())
     assert '$base/lib/aerarm_ros' in (ROOT / 'setup.cfg').read_text()  # where ros2 run looks
 
 

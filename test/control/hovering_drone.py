@@ -3,10 +3,8 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
-from flying_arm import without_shapes
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import ImuSample, Mount
@@ -21,10 +19,12 @@ from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
-from aerarm_ros.description.robot import load_robot
+from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import ArmState, JointReference
+from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
+from aerarm_ros.simulation.flying_plant import FlyingPlant, Rotors
 
 Array = npt.NDArray[np.float64]
 
@@ -86,72 +86,27 @@ class SwingingReference:
         )
 
 
-class DroneInEngine:
-    """Arm and drone in the engine, rotors with lag, and the drone's PID controller.
+class Pilot:
+    """A plain PID controller of a drone, with the posture of its arm at take-off."""
 
-    Without a drone the arm hangs from a fixed base.
-    """
-
-    def __init__(self, drone: DroneConfig, is_free: bool = True) -> None:
-        self.drone, self.is_free = drone, is_free
-        self.robot = load_robot(gravity_in_base=drone.gravity_in_base)
-        arm = mujoco.MjSpec.from_string(without_shapes(self.robot.urdf_text))
-        arm.compiler.fusestatic = False
-        spec = mujoco.MjSpec()
-        spec.option.gravity, spec.option.timestep = [0.0, 0.0, -9.81], CYCLE
-        body = spec.worldbody.add_body(
-            name='body', mass=drone.mass, ipos=drone.centre_of_mass, inertia=drone.inertia[:3]
-        )
-        if is_free:
-            body.add_freejoint()
-        turn = Rotation.from_matrix(drone.mount.rotation).as_quat()[[3, 0, 1, 2]]
-        frame = body.add_frame(pos=drone.mount.position, quat=turn)
-        frame.attach_body(arm.body('base_link'), 'arm_', '')
-        self.model = spec.compile()
-        self.model.dof_armature[-4:] = ROTORS
-        self.model.dof_damping[:] = self.model.dof_frictionloss[:] = 0.0
-        disabled = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
-        self.model.opt.disableflags |= int(disabled)
-        self.data: Any = mujoco.MjData(self.model)
-        self.data.qpos[-4:] = SwingingReference('slow').update(CENTRE, 0.0, CYCLE).q
-        mujoco.mj_forward(self.model, self.data)
-        # A plain controller has the posture at take-off, and integral action.
-        whole = WholeBodyDynamics(self.robot, ROTORS, carrier_parameters(drone))
-        self._mass, com, inertia = whole.composite_inertia(self.data.qpos[-4:])
+    def __init__(self, drone: DroneConfig, robot: Robot, q: Array) -> None:
+        whole = WholeBodyDynamics(robot, ROTORS, carrier_parameters(drone))
+        self._mass, com, inertia = whole.composite_inertia(q)
         rotation = drone.mount.rotation
         self._centre = np.array(drone.mount.position) + rotation @ com
         self._inertia = rotation @ inertia @ rotation.T
-        self._allocation = drone.allocation
-        self._mixer = np.linalg.pinv(self._allocation)
-        self._low, self._high = drone.column('thrust_min'), drone.column('thrust_max')
-        self._decay = np.exp(-CYCLE / drone.column('time_constant'))
+        self._mixer = np.linalg.pinv(drone.allocation)
         self._sums = np.zeros((2, 3))
         weight = np.array([0.0, 0.0, 9.81 * self._mass])
-        hover = self._mixer @ np.concatenate([weight, np.cross(self._centre, weight)])
-        self.thrust, self.command = hover, hover
+        self.hover = self._mixer @ np.concatenate([weight, np.cross(self._centre, weight)])
 
-    @property
-    def state(self) -> tuple[Array, Array]:
-        return np.array(self.data.qpos[-4:]), np.array(self.data.qvel[-4:])
-
-    def attitude(self) -> Rotation:
-        return Rotation.from_quat(np.roll(self.data.qpos[3:7], -1))
-
-    def imu(self) -> tuple[Array, Array, Array]:
-        """Return attitude, angular velocity and specific force, as in `ImuSample`."""
-        attitude, spin = self.attitude(), self.data.qacc[3:6]
-        rate = np.array(self.data.qvel[3:6])
-        place = np.array(self.drone.imu.position)
-        force = attitude.inv().apply(self.data.qacc[:3] + [0.0, 0.0, 9.81])
-        force += cross(spin, place) + cross(rate, cross(rate, place))
-        return attitude.as_quat(), rate, force
-
-    def control(self) -> Array:
-        """Return the thrusts of the PID controller, at its rate."""
-        period, attitude = IMU_CYCLES * CYCLE, self.attitude()
-        position, velocity = self.data.qpos[:3], self.data.qvel[:3]
+    def control(self, plant: FlyingPlant) -> Array:
+        """Return the thrusts (n,) [N], at 250 Hz."""
+        position, quaternion, velocity, turning = plant.odometry
+        period, attitude = IMU_CYCLES * CYCLE, Rotation.from_quat(quaternion)
         self._sums[0] -= period * position
-        wanted = -4.95 * position - 3.3 * velocity + 2.0 * self._sums[0] + [0.0, 0.0, 9.81]
+        wanted = -4.95 * position - 3.3 * attitude.apply(velocity) + 2.0 * self._sums[0]
+        wanted = wanted + [0.0, 0.0, 9.81]
         z = wanted / np.linalg.norm(wanted)
         y = np.cross(z, [1.0, 0.0, 0.0])
         y /= np.linalg.norm(y)
@@ -159,21 +114,9 @@ class DroneInEngine:
         error = (attitude.inv() * axes).as_rotvec()
         self._sums[1] += period * error
         force = np.array([0.0, 0.0, self._mass * (wanted @ attitude.apply([0.0, 0.0, 1.0]))])
-        spin = 150.0 * error - 18.0 * self.data.qvel[3:6] + 300.0 * self._sums[1]
+        spin = 150.0 * error - 18.0 * turning + 300.0 * self._sums[1]
         moment = self._inertia @ spin + cross(self._centre, force)
         return np.asarray(self._mixer @ np.concatenate([force, moment]))
-
-    def step(self, effort: Array) -> None:
-        """Advance by a cycle under joint torques [Nm]."""
-        applied = self.data.qfrc_applied
-        applied[-4:] = effort
-        if self.is_free:
-            command = np.minimum(np.maximum(self.command, self._low), self._high)
-            self.thrust = command + (self.thrust - command) * self._decay
-            wrench = self._allocation @ self.thrust
-            applied[:3] = self.data.xmat[1].reshape(3, 3) @ wrench[:3]
-            applied[3:6] = wrench[3:]
-        mujoco.mj_step(self.model, self.data)
 
 
 @dataclass
@@ -208,6 +151,32 @@ def make_estimator(
     return FreeBaseEstimator(drone.gravity_in_base, rotors, whole, mount, AnswerCorrection())
 
 
+def make_plant(
+    drone: DroneConfig, robot: Robot, q: Array, thrust: Array | None
+) -> ArmPlant | FlyingPlant:
+    """Return the arm, under a drone that hovers with `thrust` (n,) [N] if given."""
+    parameters = PlantParameters.nominal(CONFIG, robot).without_friction()
+    plant = ArmPlant(robot, parameters, q)
+    if thrust is not None:
+        plant = FlyingPlant(robot, parameters, q, drone)
+        plant.rotors = Rotors(drone, CYCLE, timeout=0.2)
+        plant.rotors.command(thrust)
+        plant.rotors.thrust[:] = thrust
+        plant.let_go()
+    plant._model.opt.timestep = CYCLE
+    return plant
+
+
+def noisy(
+    force: Array, rate: Array, noise: dict[str, float], draws: Array, biases: Array
+) -> tuple[Array, Array]:
+    """Return an IMU's readings with noise and biases."""
+    return (
+        force + noise['force'] * draws[:3] + noise['force_bias'] * biases[:3],
+        rate + noise['rate'] * draws[3:] + noise['rate_bias'] * biases[3:],
+    )
+
+
 def fly(
     drone: DroneConfig,
     kind: str,
@@ -224,11 +193,14 @@ def fly(
     """
     flight = flight or FlightFaults()
     known = flight.known or drone
-    plant = DroneInEngine(drone, mode != 'fixed')
-    base = make_base('none' if mode == 'fixed' else mode, known, plant.robot)
-    dynamics = MovingBaseDynamics(plant.robot, ROTORS, carrier_parameters(known))
-    law = make_law(dynamics) if make_law else ComputedTorque(dynamics, 400.0, 40.0)
+    robot = load_robot(gravity_in_base=drone.gravity_in_base)
     source = SwingingReference(kind)
+    start = source.update(CENTRE, 0.0, CYCLE).q
+    pilot = Pilot(drone, robot, start)
+    plant = make_plant(drone, robot, start, None if mode == 'fixed' else pilot.hover)
+    base = make_base('none' if mode == 'fixed' else mode, known, robot)
+    dynamics = MovingBaseDynamics(robot, ROTORS, carrier_parameters(known))
+    law = make_law(dynamics) if make_law else ComputedTorque(dynamics, 400.0, 40.0)
     loop = ControlLoop(
         JointLimits.from_config(CONFIG),
         source,
@@ -241,33 +213,30 @@ def fly(
     biases = random.normal(size=6)
     samples: list[tuple[float, ImuSample]] = []
     commands: list[tuple[float, Array]] = []
-    effort = dynamics.gravity(plant.state[0])
+    effort = dynamics.gravity(start)
     errors = []
     for cycle in range(round(seconds / CYCLE)):
         now = cycle * CYCLE
         if cycle == round(0.5 / CYCLE):
-            plant.model.body_mass[-1] += flight.load
-        if plant.is_free and cycle % IMU_CYCLES == 0:
-            attitude, rate, force = plant.imu()
+            plant._model.body_mass[-1] += flight.load
+        if isinstance(plant, FlyingPlant) and cycle % IMU_CYCLES == 0:
+            attitude, rate, force = plant.imu
             if flight.noise:
-                noise = random.normal(size=6)
-                force = force + flight.noise['force'] * noise[:3]
-                force = force + flight.noise['force_bias'] * biases[:3]
-                rate = rate + flight.noise['rate'] * noise[3:]
-                rate = rate + flight.noise['rate_bias'] * biases[3:]
+                force, rate = noisy(force, rate, flight.noise, random.normal(size=6), biases)
             samples.append((now + flight.latency, ImuSample(now, attitude, rate, force)))
-            thrust = plant.control()
+            thrust = pilot.control(plant)
             commands.append((now + LINK_DELAY, thrust))
             if flight.commands and isinstance(base, FreeBaseEstimator):
                 base.rotors.offer(drone.rotor_names, thrust, now, now)
         while samples and samples[0][0] <= now + 1e-9:
             base.offer(samples.pop(0)[1], now)
         while commands and commands[0][0] <= now + 1e-9:
-            plant.command = commands.pop(0)[1]
-        q, dq = plant.state
+            plant.rotors.command(commands.pop(0)[1])
+        q, dq = plant.position, plant.velocity
         answer = loop.update(ArmState(q, dq, effort), now)
         errors.append(source.update(q, now, CYCLE).q - q)
-        plant.step(effort)  # a command acts from the next cycle on
+        plant.apply_effort(effort)  # a command acts from the next cycle on
+        plant.step()
         if answer is not None:
             assert answer.tau is not None
             effort = answer.tau

@@ -58,33 +58,51 @@ def distance_from_path(arm: Moving) -> float:
     return float(np.linalg.norm(off - (off @ way) * way))
 
 
-def test_report_changes_nothing() -> None:
-    arm = Moving(Reaction.REPORT)
-    arm.run(1.0)
-    arm.run(1.2, contact=True)
-    np.testing.assert_allclose(arm.q, GOAL, atol=1e-9)
-    assert arm.reaction.count == 0
+def test_report_changes_nothing_and_an_arm_at_rest_does_not_retreat() -> None:
+    for reaction, free in ((Reaction.REPORT, 1.0), (Reaction.RETREAT, 3.0)):
+        arm = Moving(reaction)
+        arm.run(free)
+        arm.run(1.2, contact=True)
+        np.testing.assert_allclose(arm.q, GOAL, atol=1e-9)
+        assert arm.reaction.count == 0
 
 
 def test_stop_ends_on_the_path_as_fast_as_the_limits_allow() -> None:
     arm = Moving(Reaction.STOP)
     arm.run(1.0)
     before = np.linalg.norm(arm.dq)
+    assert not arm.loop.touched
     arm.run(0.15, contact=True)
     assert before > 0.5
     assert np.linalg.norm(arm.dq) == 0.0
     assert distance_from_path(arm) < 1e-9
     assert arm.follower.outcome == 'stopped: contact (stop)'
     assert arm.reaction.count == 1
+    assert arm.loop.touched, 'the contact is no disturbance to compensate'
+    # A stream waits for the end of the contact, a goal does not.
+    with pytest.raises(RejectedInputError, match='something touches the arm'):
+        arm.reaction.check_stream()
+    arm.go(START)
+    arm.run(2.5, contact=True)
+    np.testing.assert_allclose(arm.q, START, atol=1e-9)
+    arm.run(0.1)
+    assert not arm.loop.touched
+    arm.reaction.check_stream()
 
 
-def test_retreat_goes_back_to_where_the_arm_was() -> None:
+@pytest.mark.parametrize('is_braking', [False, True])
+def test_retreat_goes_back_to_where_the_arm_was_even_if_it_brakes(is_braking: bool) -> None:
     arm = Moving(Reaction.RETREAT)
     arm.run(1.0)
+    if is_braking:
+        arm.follower.stop(arm.now, 'stopped: request')
+        arm.run(0.02)
+        assert np.linalg.norm(arm.dq) > 0.1
     earlier = arm.past[-200]
     arm.run(1.0, contact=True)
     np.testing.assert_allclose(arm.q, earlier, atol=0.02)
     assert distance_from_path(arm) < 1e-3
+    assert arm.reaction.count == 1
 
 
 def test_comply_lowers_the_stiffness_until_the_contact_has_ended() -> None:
@@ -92,7 +110,6 @@ def test_comply_lowers_the_stiffness_until_the_contact_has_ended() -> None:
     arm.run(1.0)
     arm.run(0.3, contact=True)
     assert arm.law.stiffness_share == pytest.approx(0.02)
-    assert arm.reaction.complies
     pushed = arm.q = arm.q + 0.3
     arm.now += CYCLE
     arm.reaction.report(False, arm.now)
@@ -102,24 +119,6 @@ def test_comply_lowers_the_stiffness_until_the_contact_has_ended() -> None:
     arm.reaction.update(arm.q, arm.now)
     assert not arm.reaction.complies
     np.testing.assert_allclose(arm.follower.reference.q, pushed)
-
-
-def test_the_contact_is_no_disturbance_to_compensate() -> None:
-    arm = Moving(Reaction.STOP)
-    arm.run(1.0)
-    assert not arm.loop.touched
-    arm.run(0.1, contact=True)
-    assert arm.loop.touched
-    arm.run(0.1)
-    assert not arm.loop.touched
-
-
-def test_an_arm_at_rest_does_not_retreat() -> None:
-    arm = Moving(Reaction.RETREAT)
-    arm.run(3.0)
-    arm.run(1.0, contact=True)
-    np.testing.assert_allclose(arm.q, GOAL, atol=1e-9)
-    assert arm.reaction.count == 0
 
 
 def test_a_retreat_that_meets_a_contact_stops() -> None:
@@ -146,48 +145,16 @@ def test_a_retreat_never_returns_to_a_reference_before_the_activation() -> None:
     assert np.linalg.norm(arm.q - GOAL) < 0.02
 
 
-def test_a_stream_waits_for_the_end_of_the_contact_and_a_goal_does_not() -> None:
-    arm = Moving(Reaction.STOP)
-    arm.run(1.0)
-    arm.run(0.2, contact=True)
-    with pytest.raises(RejectedInputError, match='something touches the arm'):
-        arm.reaction.check_stream()
-    arm.go(START)
-    arm.run(2.5, contact=True)
-    np.testing.assert_allclose(arm.q, START, atol=1e-9)
-    arm.run(0.01)
-    arm.reaction.check_stream()
-
-
-def test_a_silent_estimator_reports_nothing() -> None:
-    arm = Moving(Reaction.STOP)
-    arm.run(0.1, contact=True)
-    assert not arm.reaction.is_silent(arm.now + 0.4)
-    assert arm.reaction.is_silent(arm.now + 0.6)
-    arm.reaction.update(arm.q, arm.now + 0.6)
-    assert not arm.reaction.in_contact
-
-
-def test_a_reaction_lasts_as_long_as_its_contact_even_if_another_is_set() -> None:
+def test_a_reaction_lasts_as_long_as_its_contact_and_a_silent_estimator_ends_it() -> None:
     arm = Moving(Reaction.STOP)
     arm.run(0.5)
     arm.run(0.1, contact=True)
     arm.reaction.reaction = Reaction.REPORT
     arm.run(0.1, contact=True)
     assert arm.loop.touched
-    arm.run(0.01)
-    assert not arm.loop.touched
+    assert not arm.reaction.is_silent(arm.now + 0.4)
+    assert arm.reaction.is_silent(arm.now + 0.6)
+    arm.reaction.update(arm.q, arm.now + 0.6)
+    assert not arm.reaction.in_contact
     arm.run(0.01, contact=True)
     assert not arm.loop.touched
-
-
-def test_a_contact_while_the_arm_brakes_makes_it_retreat() -> None:
-    arm = Moving(Reaction.RETREAT)
-    arm.run(1.0)
-    arm.follower.stop(arm.now, 'stopped: request')
-    arm.run(0.02)
-    assert np.linalg.norm(arm.dq) > 0.1
-    earlier = arm.past[-200]
-    arm.run(1.0, contact=True)
-    np.testing.assert_allclose(arm.q, earlier, atol=0.02)
-    assert arm.reaction.count == 1

@@ -5,21 +5,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.base.base_motion import ImuSample, Mount, rotation_matrix
-from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
-from aerarm_ros.control.base.free_base_estimator import AnswerCorrection, FreeBaseEstimator
+from aerarm_ros.control.base.base_motion import ImuSample, rotation_matrix
+from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
-from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
 from aerarm_ros.control.checks import JointLimits, RejectedInputError
-from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
-from aerarm_ros.control.control_loop import ControlLoop
-from aerarm_ros.control.laws.kinematic_control import DampedInverse
-from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
@@ -31,8 +26,9 @@ from aerarm_ros.flight.flight_state import FlightTarget, OdometrySample
 from aerarm_ros.identification.files.identified_robot import LoadFriction, identified_urdf
 from aerarm_ros.model.inertia import barycentric_inertia, parameters_of_body
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import ArmState, JointReference
+from aerarm_ros.nodes.controllers.world_control import WorldControlNode
+from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.flying_plant import FlyingPlant
 from aerarm_ros.simulation.sensors import (
@@ -44,10 +40,8 @@ from aerarm_ros.simulation.sensors import (
     OdometryErrors,
     OdometryReading,
 )
-from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
-from aerarm_ros.world.reach import ArmReach
-from aerarm_ros.world.world_law import WorldGains, WorldLaw
-from aerarm_ros.world.world_reference import WorldPath, WorldToolReference, planned_joints
+from aerarm_ros.world.world_law import WorldGains
+from aerarm_ros.world.world_reference import WorldPath
 
 Array = npt.NDArray[np.float64]
 Told = Callable[[OdometrySample], list[OdometrySample]]
@@ -57,7 +51,7 @@ LINK_DELAY = 4  # cycles from a rotor command to its rotor
 LEAD, AHEAD = 0.028, 0.06  # [s] as in flight_control and base_reaction
 POSTURE = 0.0, 1.3, 0.0, 1.5
 SETTLED, BEGIN = 2.0, 3.0  # [s] of the target, and of the start of the evaluation
-GENERALISED, ORDINARY, HELD = 'generalised', 'ordinary', 'joints held'
+GENERALISED, HELD = 'generalised', 'joints held'
 COPLANAR = FlightGains(2.5, 4.5, 8.0, position_integral=0.1, attitude_integral=0.1)
 FULL = FlightGains(8.67, 8.67, 9.0, position_integral=0.1, attitude_integral=0.1)
 GOOD = 100.0, 0.01, 1e-3, 5e-3
@@ -75,7 +69,7 @@ class HeldFlight:
     Attributes
     ----------
     drone : file of a packaged drone; mass : another mass [kg] at constant density and thrust.
-    law : GENERALISED, ORDINARY (with the base's acceleration assumed zero), or HELD joints.
+    law : GENERALISED, or HELD joints.
     wind : root mean square of the force on the drone [N], below 0.5 Hz.
     odometry : of the arm's controller; the pilot has GOOD.
     wrong : relative error of every link in the model.
@@ -123,8 +117,8 @@ class HoldingFlight:
         self.tell: Told = lambda sample: [sample]
         self.place = FlightTarget(np.zeros(3), 0.0)
         self._make_pilot()
-        self._make_loop(parameters)
-        self.effort = self.dynamics.gravity(self.plant.position)
+        self._make_loop()
+        self.effort = MovingBaseDynamics(robot, ROTORS).gravity(self.plant.position)
         self.now, self._cycle = 0.0, 0
         self.rows: list[Array] = []
         self.target: Array | None = None  # desired place of the tool
@@ -147,39 +141,27 @@ class HoldingFlight:
         self._feed = ArmFeedForward(drone, body, lead=LEAD)
         self._sight = FlightEstimator(drone)
 
-    def _make_loop(self, parameters: PlantParameters) -> None:
-        flight, drone = self.flight, self.drone
+    def _make_loop(self) -> None:
+        """Create the control loop as `world_control` does, without its ROS node."""
+        flight, gains = self.flight, self.flight.gains
         robot = _with_errors(self.robot, flight.wrong) if flight.wrong else self.robot
-        carrier, mount = carrier_parameters(drone), Mount.from_drone(drone)
-        self.dynamics = MovingBaseDynamics(robot, ROTORS, carrier)
-        self.base: FreeBaseEstimator | BaseMotionEstimator
-        if flight.law == GENERALISED:
-            self.base = FreeBaseEstimator(
-                drone.gravity_in_base,
-                RotorWrench(drone, latency=LINK_DELAY * CYCLE),
-                WholeBodyDynamics(robot, ROTORS, carrier),
-                mount,
-                AnswerCorrection(trust_min=0.9),
-                latency=4e-3,
-            )
-        else:
-            self.base = BaseMotionEstimator(drone.gravity_in_base, 'attitude', mount)
-        kinematics, limits = Kinematics(robot), JointLimits.from_config(CONFIG)
-        self.friction = friction = FrictionCompensation(
-            robot.viscous, robot.coulomb, fraction=0.9, load_share=parameters.load_friction
+        node = WorldControlNode.__new__(WorldControlNode)
+        node.values = SimpleNamespace(**{p.name: p.default for p in WorldControlNode.parameters})
+        vars(node.values).update(
+            base_motion='attitude' if flight.law == HELD else 'free',
+            imu_latency=4e-3,
+            rotor_latency=LINK_DELAY * CYCLE,
+            kp=gains.kp,
+            kd=gains.kd,
+            posture=list(POSTURE),
+            rotor_share=0.0,
+            mass_ratio_min=0.0,
         )
-        self.inverse = DampedInverse(0.06, 0.03)
-        self.law = WorldLaw(
-            self.dynamics, kinematics, limits, POSTURE, flight.gains, self.inverse, friction
-        )
-        self.pose = BasePoseEstimator(OdometryFrames.of(drone, mount))
-        followers = TargetFollower(kinematics), TargetFollower(kinematics, 5.0, 0.1, 0.5)
-        reach = ArmReach(Kinematics(robot), limits)
-        self.source = WorldToolReference(self.pose, kinematics, followers, reach.beyond_any)
-        observer = MomentumObserver(self.dynamics, np.full(4, 30.0), friction)
-        self.loop = ControlLoop(
-            limits, self.source, self.law, observer, self.base, 0.2 * limits.effort_max
-        )
+        node.arm = ControlledArm(CONFIG, robot, JointLimits.from_config(CONFIG), self.drone)
+        node.base = node.arm.base(node.values)
+        self.loop = node.make_loop()
+        self.node, self.base, self.law = node, node.base, node.law
+        self.pose, self.source = node.pose, node.reference
 
     def run(self, seconds: float) -> None:
         """Simulate for a time [s]."""
@@ -228,8 +210,7 @@ class HoldingFlight:
         if imu is not None:
             attitude, rate, force = imu[1]
             sample = ImuSample(imu[0] * 1e-9, attitude, rate, force)
-            self.base.offer(sample, now)
-            self.pose.offer_imu(sample, now)
+            self.node.take_imu(sample, now)
             self._sight.offer_imu(sample)
         if seen is not None:
             self._sight.offer_odometry(_sample(*seen))
@@ -246,11 +227,8 @@ class HoldingFlight:
         q, still, ahead = self.plant.position, np.zeros(4), now + AHEAD
         load = self._loads.evaluate(JointReference(q, still, still))
         self._feed.offer_inertia(ahead, load.mass, load.com, load.inertia)
-        times = np.array([now, ahead])
-        pose = None if self.source.reason else self.pose.pose(now)
-        planned = planned_joints(
-            self.kinematics, self.inverse, q, pose, self.source.ahead(times), times
-        )
+        self.node.state, self.node.stamp_ns = ArmState(q, still, still), round(1e9 * now)
+        planned = self.node._ahead(np.array([now, ahead]))
         motion = JointReference(*(part[1] for part in planned))
         self._feed.offer_motion(ahead, self._loads.evaluate(motion).motion)
         state = self._sight.state()

@@ -38,10 +38,3 @@ def test_between_the_points_the_tool_moves_as_planned() -> None:
         assert jacobian @ dq == pytest.approx(wanted.dp, abs=5e-3)
         moved: npt.NDArray[np.float64] = jacobian @ ddq + kinematics.acceleration_bias(q, dq)[:3]
         assert moved == pytest.approx(wanted.ddp, abs=0.15)
-
-
-def test_an_arm_without_a_plan_stays() -> None:
-    motion = planned_joints(Kinematics(load_robot()), INVERSE, Q, None, None, TIMES)
-    assert motion.q == pytest.approx(np.tile(Q, (6, 1)))
-    assert not motion.dq.any()
-    assert not motion.ddq.any()

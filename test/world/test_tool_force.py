@@ -5,14 +5,12 @@ import numpy.typing as npt
 import pytest
 from holding_flight import HeldFlight, HoldingFlight
 
-from aerarm_ros.control.base.base_motion import ImuSample, Mount
-from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.base.rotor_wrench import carrier_parameters
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.simulation.wall import Wall, WallParameters
 from aerarm_ros.world.rotor_governor import RotorGovernor
-from aerarm_ros.world.tool_force import Phase, ToolForce, ToolForceObserver
+from aerarm_ros.world.tool_force import Phase
 from aerarm_ros.world.world_reference import WorldPath
 
 Array = npt.NDArray[np.float64]
@@ -27,21 +25,8 @@ class PressingFlight(HoldingFlight):
         point = tuple((self.tool() + gap * ALONG).tolist())
         self.wall = Wall(WallParameters(point, tuple(ALONG), stiffness, yields_after=yields_after))
         self.plant.build(self.wall, 'tool0')
-        self.measured = BaseMotionEstimator(
-            self.drone.gravity_in_base, 'full', Mount.from_drone(self.drone), latency=4e-3
-        )
-        observer = ToolForceObserver(
-            self.law, self.dynamics, 30.0, self.base, self.measured, self.friction,
-            0.5 * self.robot.coulomb,
-        )  # fmt: skip
-        self.loop.observer = observer
-        self.source.force = self.force = ToolForce(observer)
+        self.force = self.source.force
         self.pressed: list[tuple[float, float, float]] = []  # time, force, place along
-
-    def _sense(self, now: float, stamp_ns: int) -> None:
-        super()._sense(now, stamp_ns)
-        if self._cycle % 4 == 0:
-            self.measured.offer(ImuSample(now - 4e-3, *self.plant.imu), now)
 
     def _fly(self, now: float) -> None:
         if not self.source.base.problem(now):

@@ -108,7 +108,7 @@ def test_orientation_is_led_where_the_place_leaves_a_joint_free(
     wanted = pose.rotation @ _turned(0.2 * axis) @ pose.rotation.T @ turn
     found = []
     for weight in (0.0, 10.0):
-        law = law_of(carried, limits, orientation=weight)
+        law = law_of(carried, limits, orientation_weight=weight)
         reference = WorldReference(place, zero, zero, wanted, pose)
         law.update(ArmState(Q, np.zeros(4), np.zeros(4)), reference, CYCLE, calm)
         found.append(law.ddq)

@@ -97,10 +97,14 @@ class ImuSample:
             numbers += [*self.attitude]
         if not np.all(np.isfinite(numbers)):
             raise RejectedInputError('IMU: a value is NaN or infinite; check the driver')
-        if np.linalg.norm(self.specific_force) > _SPECIFIC_FORCE_MAX:
-            raise RejectedInputError('IMU: the acceleration is above 300 m/s^2; check its unit')
-        if np.linalg.norm(self.angular_velocity) > _ANGULAR_VELOCITY_MAX:
-            raise RejectedInputError('IMU: the angular velocity is above 40 rad/s; check its unit')
+        for what, vector, largest, unit in (
+            ('acceleration', self.specific_force, _SPECIFIC_FORCE_MAX, 'm/s^2'),
+            ('angular velocity', self.angular_velocity, _ANGULAR_VELOCITY_MAX, 'rad/s'),
+        ):
+            if np.linalg.norm(vector) > largest:
+                raise RejectedInputError(
+                    f'IMU: the {what} is above {largest:g} {unit}; check its unit'
+                )
         if self.attitude is not None:
             norm = float(np.linalg.norm(self.attitude))
             if not 0.9 < norm < 1.1:

@@ -18,15 +18,6 @@ _POSTURES = 200
 LARGEST_GAIN = 0.67  # decision 28
 
 
-def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
-    """Return the largest `WholeBodyDynamics.feedback_gain` over 200 random arm postures."""
-    robot = whole.robot
-    low = np.maximum(robot.position_min, -np.pi)
-    high = np.minimum(robot.position_max, np.pi)
-    postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, robot.n))
-    return max(whole.feedback_gain(q) for q in postures)
-
-
 def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
     """Check that a controller that uses the base's measured acceleration is stable.
 
@@ -40,36 +31,16 @@ def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
     ValueError
         If the loop of arm torque, base acceleration and IMU has too much gain.
     """
-    gain = largest_feedback_gain(whole)
+    robot = whole.robot
+    low, high = np.maximum(robot.position_min, -np.pi), np.minimum(robot.position_max, np.pi)
+    postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, robot.n))
+    gain = max(whole.feedback_gain(q) for q in postures)
     if gain > LARGEST_GAIN:
         raise ValueError(
             f"base_motion 'full' on {drone.name} ({drone.mass:g} kg) is unstable: the IMU feeds "
             f"the arm's torque back with a gain of {gain:.2g} (limit {LARGEST_GAIN:g}); use "
             "'free' or 'attitude'"
         )
-
-
-def largest_delay(gain: float, kp: float, kd: float) -> float:
-    """Return the largest loop delay [s] at which computed torque is stable on a free base.
-
-    A base that moves freely reduces the joints' inertia by a factor of up to `1 + gain`. The loop
-    is then `(1 + gain) (kd s + kp) / s^2`. The result is its phase margin divided by its crossover
-    frequency.
-
-    Parameters
-    ----------
-    gain : float
-        `WholeBodyDynamics.feedback_gain`; 0 for a fixed base.
-    kp, kd : float
-        Gains of position [1/s^2] and velocity [1/s]; if both are zero, there is no feedback and the
-        result is infinite.
-    """
-    stiffness, damping = (1.0 + gain) * kp, (1.0 + gain) * kd
-    half = 0.5 * damping**2
-    crossover = np.sqrt(half + np.hypot(half, stiffness))
-    if crossover == 0.0:
-        return np.inf
-    return float(np.arctan2(damping * crossover, stiffness) / crossover)
 
 
 # [Hz] Slower motion is the drone's flight or the arm's motion. The loop oscillates at half the

@@ -8,7 +8,7 @@ from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference
 
-Rows = Sequence[Sequence[float]]
+Rows = Sequence[Sequence[float]] | Sequence[Array] | Array
 
 # Closer to a limit, in rad or as a fraction of it, samples of a path do not prove that it is kept.
 _NEAR = 0.05
@@ -20,13 +20,17 @@ class JointTrajectory:
     Parameters
     ----------
     names : sequence of str
-        Names of the columns' joints, which are all joints of the arm in any order.
+        Names of the columns' joints, in any order.
     times : sequence of float
         Time of each point from the start [s], strictly increasing, not negative.
     positions : (M, n) sequence
         Joint positions at the points [rad].
     velocities, accelerations : (M, n) sequences, optional
         Velocities [rad/s] and accelerations [rad/s^2]; `path` fills in missing ones and empty rows.
+    staying : (n,) ndarray, optional
+        Positions [rad] at which omitted joints stay. Without it, `names` must be all joints.
+    what : str
+        Kind of the input, for error messages.
 
     Attributes
     ----------
@@ -48,22 +52,36 @@ class JointTrajectory:
         positions: Rows,
         velocities: Rows | None = None,
         accelerations: Rows | None = None,
+        staying: Array | None = None,
+        what: str = 'trajectory',
     ) -> None:
-        order = limits.order(names)
-        self.times = _check_times(times)
-        q = _rows('positions', positions, len(self.times), limits.n, order)
+        if staying is None:
+            limits.order(names)  # requires all joints
+        order = limits.part(names)
+        self.times = checked_times(what, times)
+        size = len(self.times), len(names)
+        rows: list[Array | None] = []
+        quantities = {
+            'positions': positions,
+            'velocities': velocities,
+            'accelerations': accelerations,
+        }
+        for name, given in quantities.items():
+            found = checked_rows(f'{what}: {name}', given, *size)
+            if found is not None:
+                resting = np.zeros(limits.n) if rows or staying is None else staying
+                found, values = np.tile(resting, (size[0], 1)), found
+                found[:, order] = values
+            rows.append(found)
+        q, self.dq, self.ddq = rows
         if q is None:
-            raise RejectedInputError(
-                'trajectory: the points have no positions; set positions of every point'
-            )
+            raise RejectedInputError(f'{what}: no positions; set positions of every point')
         self.q = q
-        self.dq = _rows('velocities', velocities, len(self.times), limits.n, order)
-        self.ddq = _rows('accelerations', accelerations, len(self.times), limits.n, order)
         if self.ddq is not None and self.dq is None:
             raise RejectedInputError(
-                'trajectory: the points have accelerations without velocities; set both or neither'
+                f'{what}: the points have accelerations without velocities; set both or neither'
             )
-        limits.check('trajectory', q, self.dq, self.ddq)
+        limits.check(what, q, self.dq, self.ddq)
         self._limits = limits
 
     @property
@@ -118,11 +136,11 @@ class JointTrajectory:
             ddq = None if ddq is None else np.vstack([zero, ddq])
         self._check_end()
         if dq is None:
-            dq = _slopes(times, q)
+            dq = slopes(times, q)
         if begins_here and start_dq is not None:
             dq[0] = start_dq
         if ddq is None:
-            ddq = _slopes(times, dq)
+            ddq = slopes(times, dq)
         if begins_here and start_ddq is not None:
             ddq[0] = start_ddq
         path = PolynomialPath.quintic(times, q, dq, ddq)
@@ -157,36 +175,40 @@ class JointTrajectory:
             )
 
 
-def _check_times(times: Sequence[float]) -> Array:
+def checked_times(what: str, times: Sequence[float]) -> Array:
+    """Return times (M,) [s] of points; raise RejectedInputError unless they are 0 or more, rising.
+
+    `what` is the input, for the message.
+    """
     t = np.array(times, dtype=float)
     if t.ndim != 1 or not t.size:
-        raise RejectedInputError('trajectory: no points')
+        raise RejectedInputError(f'{what}: no points')
     if not np.all(np.isfinite(t)) or t[0] < 0.0:
-        raise RejectedInputError('trajectory: times must be finite and not negative')
+        raise RejectedInputError(f'{what}: times must be finite and not negative')
     if np.any(np.diff(t) <= 0.0):
         index = int(np.argmax(np.diff(t) <= 0.0)) + 1
         raise RejectedInputError(
-            f'trajectory: point {index} at {t[index]:g} s does not follow point {index - 1} at '
+            f'{what}: point {index} at {t[index]:g} s does not follow point {index - 1} at '
             f'{t[index - 1]:g} s; times must increase'
         )
     return t
 
 
-def _rows(what: str, rows: Rows | None, points: int, n: int, order: list[int]) -> Array | None:
-    """Return one row per point as (M, n) array in the arm's joint order, None if all are empty."""
+def checked_rows(what: str, rows: Rows | None, points: int, n: int) -> Array | None:
+    """Return rows as array (points, n), None if all are empty; raise RejectedInputError."""
     if rows is None or all(len(row) == 0 for row in rows):
         return None
     if len(rows) != points or any(len(row) != n for row in rows):
-        raise RejectedInputError(f'trajectory: give {n} {what} for every point, or for no point')
-    values = np.array(rows, dtype=float)[:, order]
+        raise RejectedInputError(f'{what}: give {n} values for every point, or for no point')
+    values = np.array(rows, dtype=float)
     if not np.all(np.isfinite(values)):
-        raise RejectedInputError(f'trajectory: {what} must be finite numbers')
+        raise RejectedInputError(f'{what} must be finite numbers')
     return values
 
 
-def _slopes(times: Array, values: Array) -> Array:
+def slopes(times: Array, values: Array) -> Array:
     """Return the slope at each point by finite differences; zero at the first and last point."""
-    slopes = np.zeros_like(values)
+    found = np.zeros_like(values)
     if len(times) > 2:
-        slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]
-    return slopes
+        found[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]
+    return found

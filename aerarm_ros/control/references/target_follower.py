@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.control.checks import RejectedInputError, positive
+from aerarm_ros.control.checks import RejectedInputError, checked_vector, positive
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array, TaskReference, limited
 
@@ -83,9 +83,7 @@ class TargetFollower:
         RejectedInputError
             If the target is not finite or out of reach.
         """
-        target = np.array(p, dtype=float)
-        if target.shape != (3,) or not np.all(np.isfinite(target)):
-            raise RejectedInputError(f'tool target {target} must be three finite numbers [m]')
+        target = checked_vector('tool target', p, 'm')
         distance = float(np.linalg.norm(target))
         if distance > self._reach:
             place = ', '.join(f'{x:.3f}' for x in target)

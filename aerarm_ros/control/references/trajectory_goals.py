@@ -1,6 +1,6 @@
 """Trajectory goals of an action server; at most one goal is active at a time."""
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import replace
 from enum import IntEnum
 from typing import NamedTuple
@@ -124,6 +124,8 @@ class TrajectoryGoals:
     ----------
     follower : TrajectoryFollower
         Follower of the goals; its owner updates it.
+    on_end : callable
+        Receives each goal that has ended, with its result.
 
     Attributes
     ----------
@@ -131,9 +133,12 @@ class TrajectoryGoals:
         The active goal.
     """
 
-    def __init__(self, follower: TrajectoryFollower) -> None:
+    def __init__(
+        self, follower: TrajectoryFollower, on_end: Callable[[Hashable, GoalResult], None]
+    ) -> None:
         self.active: Hashable | None = None
         self._follower = follower
+        self._on_end = on_end
         self._motion = 0
 
     def start(
@@ -143,8 +148,8 @@ class TrajectoryGoals:
         now: float,
         start: float | None = None,
         tolerances: FollowerTolerances | None = None,
-    ) -> list[tuple[Hashable, GoalResult]]:
-        """Start a goal; return the replaced goal with its result, None without one.
+    ) -> None:
+        """Start a goal, which replaces the active one.
 
         Parameters
         ----------
@@ -159,34 +164,30 @@ class TrajectoryGoals:
             If the goal cannot start; nothing has changed then.
         """
         self._follower.follow(trajectory, now, start, tolerances, is_goal=True)
-        text = 'another goal replaced this one'
-        before = self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, text))
+        self.give_up('another goal replaced this one')
         self.active, self._motion = goal, self._follower.motion
-        return before
 
-    def cancel(self, goal: Hashable, now: float) -> list[tuple[Hashable, GoalResult]]:
-        """Stop the arm if this goal is active; return the canceled goal with its result."""
-        if goal != self.active:
-            return []
-        self._follower.stop(now, 'stopped: the goal was canceled')
-        return self._end(GoalResult(CANCELED, ResultCode.SUCCESSFUL, 'canceled'))
+    def cancel(self, goal: Hashable, now: float) -> None:
+        """Stop the arm if this goal is active."""
+        if goal == self.active:
+            self._follower.stop(now, 'stopped: the goal was canceled')
+            self._end(GoalResult(CANCELED, ResultCode.SUCCESSFUL, 'canceled'))
 
-    def give_up(self, reason: str) -> list[tuple[Hashable, GoalResult]]:
-        """Abort the active goal, as the controller stops; return the goal with its result."""
-        return self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, reason))
+    def give_up(self, reason: str) -> None:
+        """Abort the active goal, for example because the controller stops."""
+        self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, reason))
 
-    def update(self) -> list[tuple[Hashable, GoalResult]]:
-        """Return the goal that ended in the follower's last update, with its result."""
+    def update(self) -> None:
+        """End the active goal if the follower's last update ended its motion."""
         follower = self._follower
         is_same = follower.motion == self._motion
         if self.active is None or (is_same and follower.status != 'holding'):
-            return []
+            return
         state, code = _RESULTS[follower.end]
         text = follower.end.value if follower.end is MotionEnd.REPLACED else follower.outcome
-        return self._end(GoalResult(state, code, text))
+        self._end(GoalResult(state, code, text))
 
-    def _end(self, result: GoalResult) -> list[tuple[Hashable, GoalResult]]:
-        if self.active is None:
-            return []
-        ended, self.active = self.active, None
-        return [(ended, result)]
+    def _end(self, result: GoalResult) -> None:
+        if self.active is not None:
+            ended, self.active = self.active, None
+            self._on_end(ended, result)

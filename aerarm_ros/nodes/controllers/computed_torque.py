@@ -1,24 +1,20 @@
 """Follow joint trajectories with computed-torque control, equation (2.21) of the thesis."""
 
-import sys
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from aerarm_ros.control.base.feedback_check import largest_delay
-from aerarm_ros.control.compensation import ErrorIntegral
-from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.compensation import ErrorIntegral, FrictionCompensation
 from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, ComputedTorque
 from aerarm_ros.motion.signals import Reaction
 from aerarm_ros.ros.controllers.controller_node import controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import REACTION, scalar_or_array
 from aerarm_ros.ros.controllers.trajectory_input import TRAJECTORY_PARAMETERS, TrajectoryController
 from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.process.node_main import run_node
 
-NAME = 'computed_torque'
 HOST, BOARDS = 'host', 'boards'
+INTEGRAL_MAX = 20.0  # [rad/s^2] largest acceleration that the integral action commands
 
 PARAMETERS = controller_parameters(
     *TRAJECTORY_PARAMETERS,
@@ -38,37 +34,27 @@ PARAMETERS = controller_parameters(
         "feedback 'host' (0.00159 s for 100 Hz)", 's', 0.0, 0.02),
     Parameter('ki', 0.0,
         'gain of the integral action; 0 for no integral action', '1/s^3', 0.0, 1e6),
-    Parameter('integral_max', 20.0,
-        'largest joint acceleration that the integral action commands', 'rad/s^2', 0.0, 1e4),
 )  # fmt: skip
 
 
 class ComputedTorqueNode(TrajectoryController):
     """Trajectory controller with the control law `ComputedTorque` or `BoardComputedTorque`."""
 
-    def __init__(self) -> None:
-        super().__init__(NAME, PARAMETERS)
+    parameters = PARAMETERS
 
-    def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and the control loop."""
-        values, arm = self.values, self.arm
-        dynamics, friction = arm.dynamics(values), arm.friction(values)
+    def make_law(
+        self, dynamics: MovingBaseDynamics, friction: FrictionCompensation
+    ) -> ComputedTorque | BoardComputedTorque:
+        """Return the control law that the parameter `feedback` selects."""
+        values, n = self.values, self.arm.config.n
         integral = None
         if values.ki > 0.0:
-            n = arm.config.n
-            integral = ErrorIntegral(np.full(n, values.ki), np.full(n, values.integral_max))
-        self.law: ComputedTorque | BoardComputedTorque
-        if values.feedback == HOST:
-            kp, kd = scalar_or_array(values.kp), scalar_or_array(values.kd)
-            timing = values.command_delay, values.velocity_lag
-            self.law = ComputedTorque(dynamics, kp, kd, integral, friction, *timing)
-        else:
-            self.law = BoardComputedTorque(dynamics, integral, friction)
-        self._feedback_gain = arm.feedback_gain(values)
-        self.follower = arm.follower(values)
-        observer = arm.observer(values, dynamics, friction)
-        limit = arm.compensation_max(values)
-        return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
+            integral = ErrorIntegral(np.full(n, values.ki), np.full(n, INTEGRAL_MAX))
+        if values.feedback == BOARDS:
+            return BoardComputedTorque(dynamics, integral, friction)
+        kp, kd = scalar_or_array(values.kp), scalar_or_array(values.kd)
+        timing = values.command_delay, values.velocity_lag
+        return ComputedTorque(dynamics, kp, kd, integral, friction, *timing)
 
     def subscribe(self) -> None:
         """Check that `feedback` permits `contact_reaction`; subscribe to reference topics."""
@@ -90,20 +76,5 @@ class ComputedTorqueNode(TrajectoryController):
             )
         super().check_parameter(name, value)
 
-    def describe(self) -> dict[str, object]:
-        """Return values for /diagnostics; with a drone also the largest stable command delay."""
-        values = super().describe()
-        if self.arm.drone is not None and isinstance(self.law, ComputedTorque):
-            gains = zip(self.law.kp.tolist(), self.law.kd.tolist(), strict=True)
-            delay = min(largest_delay(self._feedback_gain, *pair) for pair in gains)
-            values['compensated delay [ms]'] = round(1e3 * delay, 1)
-        return values
 
-
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run_node(NAME, ComputedTorqueNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = ComputedTorqueNode.main

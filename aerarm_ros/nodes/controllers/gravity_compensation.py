@@ -4,22 +4,16 @@ The control law is equation (2.14) of the thesis. Set points arrive on the topic
 the parameter hand_guiding is true, the gains are zero, so that a person can move the arm by hand.
 """
 
-import sys
-from collections.abc import Sequence
-from typing import Any
-
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.compensation import FrictionCompensation
-from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.motion.signals import ArmState, Array, JointReference
 from aerarm_ros.ros.controllers.controller_node import controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import scalar_or_array
 from aerarm_ros.ros.controllers.trajectory_input import TRAJECTORY_PARAMETERS, TrajectoryController
 from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.process.node_main import run_node
 
-NAME = 'gravity_compensation'
 KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]
 
 PARAMETERS = controller_parameters(
@@ -40,24 +34,20 @@ PARAMETERS = controller_parameters(
 class GravityCompensationNode(TrajectoryController):
     """Trajectory controller with the control law `GravityCompensation`."""
 
-    def __init__(self) -> None:
-        super().__init__(NAME, PARAMETERS)
+    parameters = PARAMETERS
 
-    def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and the control loop."""
-        values, arm = self.values, self.arm
-        dynamics, friction = arm.dynamics(values), arm.friction(values)
+    def make_law(
+        self, dynamics: MovingBaseDynamics, friction: FrictionCompensation
+    ) -> GravityCompensation:
+        """Return the control law."""
+        values, robot = self.values, self.arm.robot
         # During hand guiding the friction compensation uses the measured velocity. A larger width
         # reduces the effect of its noise.
-        hand = FrictionCompensation(arm.robot.viscous, arm.robot.coulomb, 0.1, values.hand_friction)
-        self.follower = arm.follower(values)
-        self.law = GravityCompensation(
-            dynamics, scalar_or_array(values.kp), scalar_or_array(values.kd), friction, hand
-        )
-        self.law.hand_guiding = self._was_guided = values.hand_guiding
-        observer = arm.observer(values, dynamics, friction)
-        limit = arm.compensation_max(values)
-        return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
+        hand = FrictionCompensation(robot.viscous, robot.coulomb, 0.1, values.hand_friction)
+        kp, kd = scalar_or_array(values.kp), scalar_or_array(values.kd)
+        law = GravityCompensation(dynamics, kp, kd, friction, hand)
+        law.hand_guiding = self._was_guided = values.hand_guiding
+        return law
 
     def require_commandable(self, what: str) -> None:
         """Raise RejectedInputError if the topic `what` must not move the arm at present."""
@@ -83,23 +73,10 @@ class GravityCompensationNode(TrajectoryController):
             self.follower.take_over(state.q)
         self._was_guided = guided
 
-    def on_parameter(self, name: str, value: Any) -> None:
-        """Apply a new gain, or a new value of `hand_guiding` or `contact_reaction`."""
-        if name == 'hand_guiding':
-            self.law.hand_guiding = value
-        else:
-            super().on_parameter(name, value)
-
     def describe(self) -> dict[str, object]:
         """Return the state of the motion, for /diagnostics."""
         values = super().describe()
         return {**values, 'motion': 'hand guiding'} if self.law.hand_guiding else values
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run_node(NAME, GravityCompensationNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = GravityCompensationNode.main

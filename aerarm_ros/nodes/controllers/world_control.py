@@ -6,9 +6,10 @@ Without a target the tool stays where it is when control starts. The node needs 
 imu, rotor_command and joint_states.
 """
 
-import sys
-from collections.abc import Sequence
+from collections.abc import Callable
 from contextlib import suppress
+from inspect import signature
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,27 +18,24 @@ from numpy.typing import NDArray
 
 from aerarm_ros.control.base.base_motion import ImuSample, Mount
 from aerarm_ros.control.base.free_base_estimator import FREE, AnswerCorrection, FreeBaseEstimator
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import RejectedInputError
-from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import JointReference
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
-    FRICTION_PARAMETERS,
     PAYLOAD,
-    REACHING_COMPENSATION,
     ROTOR_PARAMETERS,
     ControlledArm,
-    observer_parameters,
+    torque_parameters,
 )
-from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.tool_topics import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.ros.controllers.world_topics import WorldTopics
 from aerarm_ros.ros.diagnostics import TOOL_FORCE, TOOL_FORCE_PHASE
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
-from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.flight_stream import to_odometry_sample
 from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
 from aerarm_ros.world.reach import ArmReach
@@ -46,25 +44,20 @@ from aerarm_ros.world.tool_force import ForceSettings, ToolForce, ToolForceObser
 from aerarm_ros.world.world_law import WorldGains, WorldLaw
 from aerarm_ros.world.world_reference import WorldToolReference, planned_joints
 
-NAME = 'world_control'
-
 _GAINS = WorldGains()
 _FORCE = ForceSettings()
 _SOON = 3.0  # [s] before the tool leaves the arm's reach, for a warning
 _NEAR = 0.02  # [m]
 _FRICTION_ERROR = 0.5  # expected error of a joint's dry friction, relative to the friction
+# Smallest weight of the predicted base motion; wind lowers the estimated weight.
+_TRUST = 0.9
 _RECOVERY = 5.0, 0.5  # [rad/s], [m/s^2] of the slow approach after a stop
 # With the default gains, drones of 1.3 times the arm's mass crashed, those of 1.7 times did not.
 _MASS_RATIO = 1.6
 
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
-    *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
-    # Friction compensation by measured velocity stays below one, so that the arm is passive.
-    Parameter('friction_fraction', 0.9, 'fraction of the modelled joint friction that the '
-                                        'controller compensates', '', 0.0, 0.95),
-    *observer_parameters(REACHING_COMPENSATION),
-    *PAYLOAD_COMPENSATION_PARAMETERS,
+    *torque_parameters(friction_fraction=0.9, friction_max=0.95),
     *(p for p in ROTOR_PARAMETERS if p.name == 'rotor_share'),
     *grouped(
         'Tool position in the world',
@@ -72,7 +65,7 @@ PARAMETERS = controller_parameters(
             'feedback gain on the tool position error', '1/s^2', 1.0, 2500.0, live=True),
         Parameter('kd', _GAINS.kd,
             'feedback gain on the tool velocity error', '1/s', 0.0, 200.0, live=True),
-        Parameter('orientation_weight', _GAINS.orientation, (
+        Parameter('orientation_weight', _GAINS.orientation_weight, (
             'weight of the orientation goal relative to the posture goal, in directions that the '
             'position goal leaves free'
         ), '', 0.0, 100.0),
@@ -81,10 +74,6 @@ PARAMETERS = controller_parameters(
             'approaches; the initial configuration if empty'
         ), 'rad', -7.0, 7.0,
                   element=float),
-        Parameter('posture_kp', _GAINS.posture_kp,
-            'stiffness of the null-space motion towards posture', '1/s^2', 0.0, 400.0),
-        Parameter('posture_kd', _GAINS.posture_kd,
-            'damping of the null-space motion towards posture', '1/s', 0.0, 40.0),
         Parameter('singular_threshold', 0.06,
             'singular value of the generalized Jacobian below which its inverse is damped',
             'm/rad', 1e-4, 1.0),
@@ -93,10 +82,6 @@ PARAMETERS = controller_parameters(
         Parameter('error_max', 0.05,
             'tool position error at which the controller stops the tool relative to the base',
                   'm', 1e-3, 1.0),
-        Parameter('trust_min', 0.9, (
-            'lower limit of the weight that the controller gives to the predicted base motion; '
-            'the controller estimates the weight, and wind lowers the estimate'
-        ), '', 0.0, 1.0),
         Parameter('mass_ratio_min', _MASS_RATIO, (
             'smallest ratio of the mass of the drone to the mass of arm and payload that the node '
             'accepts with base_motion free; lighter drones need lower gains'
@@ -124,9 +109,9 @@ PARAMETERS = controller_parameters(
         Parameter('contact_force', _FORCE.contact_force,
             'estimated force above which the controller assumes that the approaching tool has '
             'reached the wall', 'N', 0.2, 50.0),
-        Parameter('force_ramp', _FORCE.ramp, 'rate at which the commanded force changes',
+        Parameter('force_ramp', _FORCE.force_ramp, 'rate at which the commanded force changes',
         'N/s', 0.1, 100.0),
-        Parameter('force_gain', _FORCE.gain,
+        Parameter('force_gain', _FORCE.force_gain,
             'gain of the integral feedback of the contact force error', '1/s', 0.1, 20.0),
         Parameter('travel_max', _FORCE.travel_max, (
             'distance that the tool may move along the force during contact before the '
@@ -139,11 +124,11 @@ PARAMETERS = controller_parameters(
             'whether the node publishes on flight_set_point the drone position at which the '
             'arm is in the middle of its reach'),
         Parameter('request_speed', 0.05, "velocity at which the drone's set point moves",
-        'm/s', 1e-3, 1.0),
+            'm/s', 1e-3, 1.0),
         Parameter('request_deadband', 0.03,
             'distance between the set point and the drone position at which the arm is in the '
             'middle of its reach; below this distance the set point stays constant', 'm', 1e-3,
-                  1.0),
+            1.0),
     ),
 )  # fmt: skip
 
@@ -153,29 +138,12 @@ class WorldControlNode(ControllerNode):
 
     takes_odometry = True
 
-    def __init__(self) -> None:
-        super().__init__(NAME, PARAMETERS)
+    parameters = PARAMETERS
 
-    def make_loop(self) -> ControlLoop[Any]:
-        """Create the control law and the control loop."""
+    def make_follower(self) -> WorldToolReference:
+        """Return the source of the tool's references, with the estimator of the base's pose."""
         values, arm = self.values, self.arm
-        dynamics, friction = arm.dynamics(values), arm.friction(values)
         kinematics = Kinematics(arm.robot, values.frame)
-        if isinstance(self.base, FreeBaseEstimator):
-            _require_heavy_drone(arm, sum(getattr(values, PAYLOAD)[:1]), values.mass_ratio_min)
-            self.base.correction = AnswerCorrection(
-                values.correction_cutoff, values.accelerometer_bias, values.trust_min
-            )
-        gains = WorldGains(
-            values.kp,
-            values.kd,
-            orientation=values.orientation_weight,
-            posture_kp=values.posture_kp,
-            posture_kd=values.posture_kd,
-        )
-        self._inverse = inverse = DampedInverse(values.singular_threshold, values.singular_damping)
-        posture = values.posture or None
-        self.law = WorldLaw(dynamics, kinematics, arm.limits, posture, gains, inverse, friction)
         mount = Mount.aligned() if arm.drone is None else Mount.from_drone(arm.drone)
         if values.imu_frame:
             mount = Mount.from_robot(arm.robot, values.imu_frame)
@@ -188,28 +156,43 @@ class WorldControlNode(ControllerNode):
         )
         slow = TargetFollower(kinematics, _RECOVERY[0], values.recovery_speed, _RECOVERY[1])
         reach = ArmReach(Kinematics(arm.robot, values.frame), arm.limits)
+        followers = make_target_follower(values, arm), slow
         self.reference = WorldToolReference(
-            self.pose,
-            kinematics,
-            (make_target_follower(values, arm), slow),
-            reach.beyond_any,
-            values.error_max,
+            self.pose, kinematics, followers, reach.beyond_any, values.error_max
         )
+        self.reference.governor = arm.governor(values)
+        return self.reference
+
+    def make_law(self, dynamics: MovingBaseDynamics, friction: FrictionCompensation) -> WorldLaw:
+        """Return the control law."""
+        values, arm = self.values, self.arm
+        if isinstance(self.base, FreeBaseEstimator):
+            _require_heavy_drone(arm, sum(getattr(values, PAYLOAD)[:1]), values.mass_ratio_min)
+            self.base.correction = AnswerCorrection(values.correction_cutoff, trust_min=_TRUST)
         self._planning = Kinematics(arm.robot, values.frame)
-        if (governor := arm.governor(values)) is not None:
-            self.law.limit = ReactionLimit(governor)
-            self.reference.governor = governor
-        observer = arm.observer(values, dynamics, friction)
+        self._inverse = inverse = DampedInverse(values.singular_threshold, values.singular_damping)
+        kinematics, posture = Kinematics(arm.robot, values.frame), values.posture or None
+        gains = _settings(WorldGains, values)
+        law = WorldLaw(dynamics, kinematics, arm.limits, posture, gains, inverse, friction)
+        if self.reference.governor is not None:
+            law.limit = ReactionLimit(self.reference.governor)
+        return law
+
+    def make_observer(
+        self, dynamics: MovingBaseDynamics, friction: FrictionCompensation
+    ) -> ToolForceObserver | None:
+        """Return the disturbance observer, which also estimates the force of the tool."""
+        values, arm = self.values, self.arm
         self._measured = None
-        if observer is not None:
-            self._measured = arm.measured_base(values)
-            observer = ToolForceObserver(
-                self.law, dynamics, values.observer_gain, self.base, self._measured, friction,
-                _FRICTION_ERROR * arm.robot.coulomb,
-            )  # fmt: skip
-            self.reference.force = ToolForce(observer, _force_settings(values))
-        limit = arm.compensation_max(values)
-        return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)
+        if values.observer_gain == 0.0:
+            return None
+        self._measured = arm.measured_base(values)
+        observer = ToolForceObserver(
+            self.law, dynamics, values.observer_gain, self.base, self._measured, friction,
+            _FRICTION_ERROR * arm.robot.coulomb,
+        )  # fmt: skip
+        self.reference.force = ToolForce(observer, _settings(ForceSettings, values))
+        return observer
 
     def subscribe(self) -> None:
         """Subscribe to targets; create publishers of planned motion, tool pose and reach."""
@@ -311,22 +294,10 @@ def _require_heavy_drone(arm: ControlledArm, payload: float, least: float) -> No
         )
 
 
-def _force_settings(values: Any) -> ForceSettings:
-    return ForceSettings(
-        force_max=values.force_max,
-        approach_speed=values.approach_speed,
-        approach_max=values.approach_max,
-        contact_force=values.contact_force,
-        ramp=values.force_ramp,
-        gain=values.force_gain,
-        travel_max=values.travel_max,
-    )
+def _settings(kind: Callable[..., Any], values: SimpleNamespace) -> Any:
+    """Return settings whose fields have the values of the parameters with the same names."""
+    given = vars(values)
+    return kind(**{name: given[name] for name in signature(kind).parameters if name in given})
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run_node(NAME, WorldControlNode, args, PARAMETERS, __doc__)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = WorldControlNode.main

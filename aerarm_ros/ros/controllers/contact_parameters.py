@@ -25,9 +25,6 @@ CONTACT_ESTIMATOR_PARAMETERS = (
         'time for which the external torque must exceed its threshold to count as contact',
               's', 1e-3,
               1.0),
-    Parameter('rest_speed', 0.005, 'joint speed below which a joint counts as resting', 'rad/s',
-              1e-4,
-              0.1),
     Parameter('rest_share', 0.15,
         "torque change of a resting joint that counts as contact, as a fraction of the joint's dry "
         'friction', '', 0.01, 2.0),
@@ -59,9 +56,8 @@ RESIDUALS_SECTION = 'residual_bound'
 
 def contact_settings(values: Any) -> ContactSettings:
     """Return the settings of a contact detector; `values` has one attribute per parameter."""
-    return ContactSettings(
-        **{field.name: getattr(values, field.name) for field in fields(ContactSettings)}
-    )
+    names = [field.name for field in fields(ContactSettings) if hasattr(values, field.name)]
+    return ContactSettings(**{name: getattr(values, name) for name in names})
 
 
 def read_residuals(path: Path, joint_names: tuple[str, ...]) -> ResidualBound:

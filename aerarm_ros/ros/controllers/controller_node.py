@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,15 @@ from std_msgs.msg import Bool, String
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.topics import Topic
-from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks import RejectedInputError, non_negative
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
 from aerarm_ros.control.contact_reaction import ComplyingLaw, ContactReaction
-from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.control_loop import ControlLaw, ControlLoop, ReferenceSource
 from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.hardware.bridge_modes import COMMANDABLE, to_switch_on
 from aerarm_ros.motion.signals import ArmState, JointReference, Reaction
+from aerarm_ros.ros.controllers.controller_parameters import scalar_or_array
 from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
 from aerarm_ros.ros.controllers.state_node import (
     Attendant,
@@ -27,6 +31,7 @@ from aerarm_ros.ros.controllers.state_node import (
 )
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.requests.arm_client import AT_END_PARAMETERS, ArmAtEnd
 
 _DISTURBANCE_PERIOD = 10  # answered states
@@ -45,29 +50,87 @@ class ControllerNode(StateNode):
     arm. Before the controller ends, it requests that the bridge holds the arm, if the parameter
     `at_end` is 'hold'.
 
-    A derived controller overrides the methods `make_loop` and `subscribe`.
+    A controller is one file in `nodes/controllers`, whose name is the name of the executable and of
+    the node. The file contains the table of its parameters, a class derived from this one, and its
+    `main`. The class defines `make_follower` and `make_law`.
 
     Attributes
     ----------
-    loop
-        The control loop.
+    parameters
+        Parameters of the node, made by `controller_parameters`. A live parameter with the name of
+        an attribute of the law sets this attribute.
+    loop, law, follower
+        The control loop, its control law, and the source of the references.
     """
 
+    parameters: ClassVar[ParameterTable]
     loop: ControlLoop[Any]
+    law: Any
+    follower: Any
     _payload: PayloadIntake | None
     _reaction: ContactReaction | None
 
+    def __init__(self) -> None:
+        super().__init__(self._name(), self.parameters)
+
+    @classmethod
+    def main(cls, args: Sequence[str] | None = None) -> int:
+        """Run the node; the docstring of its module is the description in the help."""
+        description = sys.modules[cls.__module__].__doc__
+        return run_node(cls._name(), cls, args, cls.parameters, description)
+
+    @classmethod
+    def _name(cls) -> str:
+        return cls.__module__.rpartition('.')[2]
+
     # Methods for derived controllers to override.
 
-    def make_loop(self) -> ControlLoop[Any]:
-        """Create and return the control loop; raises ValueError for invalid parameters."""
+    def make_follower(self) -> ReferenceSource[Any]:
+        """Return the source of the references; raises ValueError for invalid parameters."""
         raise NotImplementedError
+
+    def make_law(
+        self, dynamics: MovingBaseDynamics, friction: FrictionCompensation
+    ) -> ControlLaw[Any]:
+        """Return the control law; raises ValueError for invalid parameters."""
+        raise NotImplementedError
+
+    def make_observer(
+        self, dynamics: MovingBaseDynamics, friction: FrictionCompensation
+    ) -> MomentumObserver | None:
+        """Return the disturbance observer, None if the parameter `observer_gain` is zero."""
+        gain = self.values.observer_gain
+        return MomentumObserver(dynamics, gain, friction) if gain else None
+
+    def make_loop(self) -> ControlLoop[Any]:
+        """Return the control loop with the law, the follower and the observer."""
+        values, arm = self.values, self.arm
+        dynamics, friction = arm.dynamics(values), arm.friction(values)
+        self.follower = self.make_follower()
+        self.law = self.make_law(dynamics, friction)
+        observer = self.make_observer(dynamics, friction)
+        limit = values.compensation * arm.limits.effort_max
+        return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
         """Subscribe to the topics of the references that the arm follows."""
 
     def before_update(self, state: ArmState, now: float) -> None:
         """Prepare the computation of the next command; called in the loop's thread."""
+
+    def check_parameter(self, name: str, value: Any) -> None:
+        """Raise ValueError unless a new gain has one value, or as many as the law needs."""
+        self._for_law(name, value)
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Set the attribute of the law that has the parameter's name."""
+        setattr(self.law, name, self._for_law(name, value))
+
+    def _for_law(self, name: str, value: Any) -> Any:
+        present = getattr(self.law, name, None)
+        if not isinstance(present, np.ndarray):
+            return value
+        return non_negative(name, scalar_or_array(value), len(present))
 
     # For derived controllers.
 

@@ -19,16 +19,12 @@ from aerarm_ros.control.base.base_motion_estimator import (
     NONE,
     BaseMotionEstimator,
 )
-from aerarm_ros.control.base.feedback_check import (
-    OscillationWatch,
-    check_feedback,
-    largest_feedback_gain,
-)
+from aerarm_ros.control.base.feedback_check import OscillationWatch, check_feedback
 from aerarm_ros.control.base.free_base_estimator import FREE, AnswerCorrection, FreeBaseEstimator
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
 from aerarm_ros.control.checks import JointLimits
-from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.references.reference_chase import ReferenceChase
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import ArmConfig
@@ -80,10 +76,6 @@ ARM_PARAMETERS = grouped(
         "frequency above which the controller, with base_motion 'free', uses the predicted "
         'instead of the measured base acceleration',
         'Hz', 0.01, 0.5),
-    Parameter('accelerometer_bias', 0.2,
-        "largest bias of the IMU's acceleration that the controller, with base_motion 'free', "
-        'estimates and subtracts',
-        'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
 LOOP_PARAMETERS = grouped(
@@ -108,16 +100,9 @@ PAYLOAD_PARAMETER = Parameter(
     live=True,
 )
 
-FRICTION_PARAMETERS = grouped(
+MODEL_PARAMETERS = grouped(
     'Model',
     PAYLOAD_PARAMETER,
-    Parameter('friction_file', '', 'estimate.yaml with identified friction, including terms that '
-        'a URDF cannot contain (Stribeck friction); the friction of the URDF if empty'),
-    Parameter('friction_fraction', 1.0,
-        'fraction of the modelled joint friction that the controller compensates', '', 0, 1),
-    Parameter('friction_width', 0.02,
-        'joint velocity at which the controller compensates 3/4 of the dry friction', 'rad/s',
-        1e-4, 1.0),
     Parameter('rotor_inertia', [],
         'rotor inertia of each joint, reflected to the joint (J_m / k_g^2); the values of the '
         'configuration if empty',
@@ -128,18 +113,36 @@ FRICTION_PARAMETERS = grouped(
     ), '', 0.0, 1.0,
               element=float),
 )  # fmt: skip
+"""Parameters of nodes that use the model of the arm and do not compensate friction."""
 
-# For nodes that use the friction model but do not compensate friction.
-ENERGY_PARAMETERS = tuple(
-    parameter
-    for parameter in FRICTION_PARAMETERS
-    if parameter.name not in ('friction_file', 'friction_fraction', 'friction_width')
-)
+# This default covers friction, model errors and the rated payload in controllers that must reach
+# goals exactly. benchmarks/goals.py compares this compensation with integral action.
+REACHING_COMPENSATION = 0.2
 
 
-def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
-    """Return the parameters of the disturbance observer, with the default of `compensation`."""
-    return grouped(
+def torque_parameters(
+    friction_fraction: float = 1.0,
+    friction_max: float = 1.0,
+    compensation: float = REACHING_COMPENSATION,
+) -> tuple[Parameter, ...]:
+    """Return the parameters of each controller that computes torques with the arm's model.
+
+    The arguments are the default and the maximum of `friction_fraction`, and the default of
+    `compensation`. Compensation by measured velocity needs a maximum below one, so that the arm is
+    passive.
+    """
+    friction = grouped(
+        'Model',
+        Parameter('friction_file', '', 'estimate.yaml with identified friction, including terms '
+            'that a URDF cannot contain (Stribeck friction); the friction of the URDF if empty'),
+        Parameter('friction_fraction', friction_fraction,
+            'fraction of the modelled joint friction that the controller compensates', '', 0.0,
+            friction_max),
+        Parameter('friction_width', 0.02,
+            'joint velocity at which the controller compensates 3/4 of the dry friction', 'rad/s',
+            1e-4, 1.0),
+    )  # fmt: skip
+    disturbances = grouped(
         'Disturbances',
         Parameter('observer_gain', 30.0,
             'cutoff frequency of the disturbance observer; 0 for no observer', '1/s', 0.0, 1000.0),
@@ -148,11 +151,21 @@ def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
             'effort_max; 0 for no compensation',
             '', 0.0, 1.0),
     )  # fmt: skip
+    payload = grouped(
+        'Payload compensation',
+        Parameter('hand_over', 0.0,
+            'fraction of the payload estimated by payload_estimator that the controller adds to '
+            'its model; 0 for no payload compensation',
+            '', 0.0, 1.0),
+        Parameter('hand_over_mass_rate', 0.2,
+            "largest rate at which the controller changes the payload's mass in its model", 'kg/s',
+            1e-3, 10.0),
+        Parameter('hand_over_centre_rate', 0.1,
+            "largest rate at which the controller moves the payload's centre of mass in its model",
+            'm/s', 1e-3, 10.0),
+    )  # fmt: skip
+    return MODEL_PARAMETERS[:1] + friction + MODEL_PARAMETERS[1:] + disturbances + payload
 
-
-# This default covers friction, model errors and the rated payload in controllers that must reach
-# goals exactly. benchmarks/goals.py compares this compensation with integral action.
-REACHING_COMPENSATION = 0.2
 
 # For each node that plans or limits motions of an arm under a drone.
 ROTOR_PARAMETERS = grouped(
@@ -264,21 +277,6 @@ class ControlledArm:
         robot, load = self.robot, load_share(values, self.robot)
         return FrictionCompensation(robot.viscous, robot.coulomb, width, fraction, load)
 
-    def observer(
-        self,
-        values: SimpleNamespace,
-        dynamics: MovingBaseDynamics,
-        friction: FrictionCompensation | None,
-    ) -> MomentumObserver | None:
-        """Return the disturbance observer, or None if the parameter `observer_gain` is zero."""
-        if values.observer_gain == 0.0:
-            return None
-        return MomentumObserver(dynamics, values.observer_gain, friction)
-
-    def compensation_max(self, values: SimpleNamespace) -> npt.NDArray[np.float64]:
-        """Return the largest disturbance torque (n,) [Nm] that the controller compensates."""
-        return np.asarray(values.compensation * self.limits.effort_max)
-
     def base(self, values: SimpleNamespace) -> BaseMotionEstimator | FreeBaseEstimator:
         """Return the base-motion estimator that `base_motion` selects; raises ValueError."""
         if values.base_motion == FREE:
@@ -300,13 +298,6 @@ class ControlledArm:
         mode = FULL if values.base_motion == FREE else values.base_motion
         return self._moved_base(values, mode)
 
-    def feedback_gain(self, values: SimpleNamespace) -> float:
-        """Return the largest gain of the feedback loop that base_motion 'full' causes."""
-        if self.drone is None:
-            return 0.0
-        payload = getattr(values, PAYLOAD, [])
-        return largest_feedback_gain(self._whole(values, self.drone, payload))
-
     def whole_body(self, values: SimpleNamespace, drone: DroneConfig) -> WholeBodyDynamics:
         """Return a dynamics model of arm and drone, with the payload of the parameter."""
         whole = self._whole(values, drone)
@@ -325,7 +316,7 @@ class ControlledArm:
             RotorWrench(drone, values.imu_hold_time, values.rotor_latency),
             self.whole_body(values, drone),
             self._mount(values) or Mount.aligned(),
-            AnswerCorrection(values.correction_cutoff, values.accelerometer_bias),
+            AnswerCorrection(values.correction_cutoff),
             values.imu_hold_time,
             values.imu_fade_time,
             values.imu_latency,

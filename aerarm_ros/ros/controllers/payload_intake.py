@@ -14,7 +14,6 @@ from aerarm_ros.online.payload_compensation import PayloadCompensation
 from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD
 from aerarm_ros.ros.controllers.state_node import Attendant
 from aerarm_ros.ros.messages import body_of_message
-from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
 if TYPE_CHECKING:  # `controller_node` imports this module
     from aerarm_ros.ros.controllers.controller_node import ControllerNode
@@ -22,20 +21,6 @@ if TYPE_CHECKING:  # `controller_node` imports this module
 _STEP = 0.005  # [s] between two changes of the model's payload
 _CHECK_PERIOD = 0.02  # [s] between two checks of the torque residual
 _MAX_GAP = 0.1  # [s] longest interval between consecutive joint states
-
-PAYLOAD_COMPENSATION_PARAMETERS = grouped(
-    'Payload compensation',
-    Parameter('hand_over', 0.0,
-        'fraction of the payload estimated by payload_estimator that the controller adds to its '
-        'model; 0 for no payload compensation',
-        '', 0.0, 1.0),
-    Parameter('hand_over_mass_rate', 0.2,
-        "largest rate at which the controller changes the payload's mass in its model", 'kg/s',
-        1e-3, 10.0),
-    Parameter('hand_over_centre_rate', 0.1,
-        "largest rate at which the controller moves the payload's centre of mass in its model",
-        'm/s', 1e-3, 10.0),
-)  # fmt: skip
 
 
 class PayloadIntake(Attendant):

@@ -15,9 +15,6 @@ ESTIMATOR_PARAMETERS = (
     Parameter('tare_mass', 0.01,
         "standard deviation assumed for the mass error of the arm's model at the last link", 'kg',
         1e-4, 10.0),
-    Parameter('friction_spread', 0.3,
-        'standard deviation assumed for the difference between the friction and its model, as a '
-        'fraction of the model', '', 0.01, 2.0),
     Parameter('torque_noise', 0.02,
         'RMS torque residual that the estimator assumes until it has measured the residual', 'Nm',
         1e-4, 10.0),
@@ -25,22 +22,13 @@ ESTIMATOR_PARAMETERS = (
         "standard deviation assumed for the model's gravity and inertia torques, as a fraction "
         'of these torques; the estimator does not attribute smaller torque errors to a payload'
     ), '', 1e-4, 0.5),
-    Parameter('correlation_time', 0.1, 'correlation time of the torque error of the model', 's',
-              0.02, 10.0),
-    Parameter('bandwidth', 30.0,
-        'cutoff frequency of the low-pass filters for both sides of the equation of motion', '1/s',
-        5.0, 100.0),
     Parameter('memory', 30.0,
         'time after which the estimator forgets the payload if no informative motion confirms it',
         's', 1.0, 3600.0),
-    Parameter('friction_memory', 120.0,
-        'time after which the estimator forgets the friction if no informative motion confirms it',
-        's', 1.0, 36000.0),
 )  # fmt: skip
 
 
 def estimator_settings(values: Any) -> EstimatorSettings:
     """Return the settings of a payload estimator; `values` has one attribute per parameter."""
-    return EstimatorSettings(
-        **{field.name: getattr(values, field.name) for field in fields(EstimatorSettings)}
-    )
+    names = [field.name for field in fields(EstimatorSettings) if hasattr(values, field.name)]
+    return EstimatorSettings(**{name: getattr(values, name) for name in names})

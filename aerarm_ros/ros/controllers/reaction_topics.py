@@ -317,7 +317,7 @@ class EnergyTopic:
     Parameters
     ----------
     owner
-        Node with the parameters `ENERGY_PARAMETERS`.
+        Node with the parameters `MODEL_PARAMETERS`.
 
     Raises
     ------

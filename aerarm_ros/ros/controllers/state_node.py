@@ -321,8 +321,9 @@ class StateNode:
         for sample in late:
             self._offer(sample, stamp_ns)
         if thrusts is not None and isinstance(self.base, FreeBaseEstimator):
-            came_ns = _arrival(before_ns, stamp_ns, thrusts.lead_ns)
-            self._try(partial(self.base.rotors.offer, *thrusts[:3]), came_ns)
+            lead_ns, command = thrusts
+            came_ns = _arrival(before_ns, stamp_ns, lead_ns)
+            self._try(partial(self.base.rotors.offer, *command), came_ns)
 
     def _rotor_names(self) -> tuple[str, ...]:
         """Return the names of the rotors whose commands the base-motion estimator needs."""

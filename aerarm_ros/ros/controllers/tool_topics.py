@@ -1,4 +1,4 @@
-"""Subscription to target positions of the tool, and publisher of the tool's pose."""
+"""Base class of controllers for target positions of the tool."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.base_motion import quaternion
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.references.target_follower import TargetFollower
 from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
 from aerarm_ros.ros.executors import create_steady_timer
@@ -21,9 +23,6 @@ from aerarm_ros.ros.states.state_stream import base_header
 
 TARGET_PARAMETERS = (
     Parameter('frame', 'tool0', 'link that the controller moves to the Cartesian targets'),
-    Parameter('target_frequency', 15.0,
-        'natural frequency of the second-order filter that moves the reference to the target',
-        'rad/s', 0.1, 100.0),
     Parameter('tool_velocity_max', 0.8,
         "largest velocity of the tool's reference", 'm/s', 1e-3, 10.0),
     Parameter('tool_acceleration_max', 4.0,
@@ -35,10 +34,9 @@ def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetF
     """Create the target follower, which rejects targets beyond the length of the arm."""
     return TargetFollower(
         Kinematics(arm.robot, values.frame),
-        values.target_frequency,
-        values.tool_velocity_max,
-        values.tool_acceleration_max,
-        _stretched_length(arm, values.frame),
+        velocity_max=values.tool_velocity_max,
+        acceleration_max=values.tool_acceleration_max,
+        reach=_stretched_length(arm, values.frame),
     )
 
 
@@ -53,28 +51,26 @@ def _stretched_length(arm: ControlledArm, frame: str) -> float:
 _POSE_PERIOD = 0.02  # [s]
 
 
-class ToolTopics:
-    """Pass targets of topic `tool_trajectory` to a target follower, and publish `tool_pose`.
+class ToolController(ControllerNode):
+    """Base class of controllers that move the tool to targets in the base frame.
 
-    Parameters
-    ----------
-    controller
-        Owner of subscription, publisher and timer.
-    follower
-        Receiver of the targets.
-    frame
-        Link that the controller moves.
+    The node receives targets on `tool_trajectory`, and publishes `tool_pose`.
     """
 
-    def __init__(self, controller: ControllerNode, follower: TargetFollower, frame: str) -> None:
-        self._controller = controller
-        self._follower = follower
-        self._base = controller.arm.robot.base_link
+    follower: TargetFollower
+
+    def make_follower(self) -> TargetFollower:
+        """Return the follower of tool targets."""
+        return make_target_follower(self.values, self.arm)
+
+    def subscribe(self) -> None:
+        """Subscribe to tool targets, and start to publish the tool's pose."""
+        self._base = self.arm.robot.base_link
         # A separate instance for the executor's thread, because `Kinematics` has working memory.
-        self._kinematics = Kinematics(controller.arm.robot, frame)
-        self._poses = topics.TOOL_POSE.publisher(controller.node)
-        controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
-        create_steady_timer(controller.node, _POSE_PERIOD, self._publish_pose)
+        self._kinematics = Kinematics(self.arm.robot, self.values.frame)
+        self._poses = self.advertise(topics.TOOL_POSE)
+        self.take_references(topics.TOOL_TRAJECTORY, self._on_target)
+        create_steady_timer(self.node, _POSE_PERIOD, self._publish_pose)
 
     def _on_target(self, message: PoseStamped, now: float) -> None:
         frame = message.header.frame_id
@@ -83,14 +79,19 @@ class ToolTopics:
                 f'tool target rejected, because its frame is {frame!r}: send the target in the '
                 f'frame {self._base!r}'
             )
-        self._follower.set_target(vector(message.pose.position), now)
+        self.follower.set_target(vector(message.pose.position), now)
 
     def _publish_pose(self) -> None:
-        state = self._controller.state
-        if state is None:
+        if self.state is None:
             return
-        message = PoseStamped(header=base_header(self._controller.stamp_ns, self._base))
-        transform = self._kinematics.transform(state.q)
-        fill(message.pose.position, transform[:3, 3])
-        fill(message.pose.orientation, quaternion(transform[:3, :3]))
-        self._poses.publish(message)
+        transform = self._kinematics.transform(self.state.q)
+        header = base_header(self.stamp_ns, self._base)
+        self._poses.publish(pose_message(header, transform[:3, 3], transform[:3, :3]))
+
+
+def pose_message(header: Header, place: Array, rotation: Array) -> PoseStamped:
+    """Return a pose message with position `place` (3,) [m] and rotation matrix (3, 3)."""
+    message = PoseStamped(header=header)
+    fill(message.pose.position, place)
+    fill(message.pose.orientation, quaternion(rotation))
+    return message

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -19,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.checks import JointLimits, RejectedInputError, non_negative
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
 from aerarm_ros.control.contact_reaction import ContactReaction
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
@@ -36,25 +35,15 @@ from aerarm_ros.motion.signals import JointReference, Reaction
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
-    FRICTION_PARAMETERS,
-    REACHING_COMPENSATION,
     REACTION,
     REACTION_PARAMETERS,
-    observer_parameters,
-    scalar_or_array,
+    torque_parameters,
 )
-from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.state_node import Attendant
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.messages import seconds
 
-TRAJECTORY_PARAMETERS = (
-    *FRICTION_PARAMETERS,
-    *observer_parameters(REACHING_COMPENSATION),
-    *PAYLOAD_COMPENSATION_PARAMETERS,
-    *FOLLOWER_PARAMETERS,
-    *REACTION_PARAMETERS,
-)
+TRAJECTORY_PARAMETERS = (*torque_parameters(), *FOLLOWER_PARAMETERS, *REACTION_PARAMETERS)
 """Parameters of every controller derived from `TrajectoryController`."""
 
 # [s] A trajectory may start at most this long before and after the present time.
@@ -82,17 +71,15 @@ def read_trajectory(
     RejectedInputError
         If the message is not a trajectory of this arm, or its stamp lies in the past.
     """
-    points, names = message.points, list(message.joint_names)
-    others = [] if staying is None else _unnamed(limits, message)
-    held = [] if staying is None else staying[others].tolist()
-    zero = [0.0] * len(others)
+    points = message.points
     trajectory = JointTrajectory(
         limits,
-        names + [limits.names[joint] for joint in others],
+        list(message.joint_names),
         [seconds(point.time_from_start) for point in points],
-        [_filled(p.positions, held) for p in points],
-        [_filled(p.velocities, zero) for p in points],
-        [_filled(p.accelerations, zero) for p in points],
+        [point.positions for point in points],
+        [point.velocities for point in points],
+        [point.accelerations for point in points],
+        staying,
     )
     stamp = seconds(message.header.stamp)
     if stamp and not -_MAX_BEFORE <= stamp - now <= _MAX_AFTER:
@@ -102,47 +89,6 @@ def read_trajectory(
             'to zero to start at once, or check the clocks'
         )
     return trajectory, stamp or None
-
-
-def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
-    """Return the indices of omitted joints; raises RejectedInputError for invalid joint names."""
-    names = list(message.joint_names)
-    if not names or len(set(names)) < len(names) or not set(names) <= set(limits.names):
-        raise RejectedInputError(
-            f'trajectory rejected, because its joint names {names} do not match the arm: name '
-            f'joints of {list(limits.names)}, each once'
-        )
-    for what in ('positions', 'velocities', 'accelerations'):
-        counts = [len(getattr(point, what)) for point in message.points]
-        for index, count in enumerate(counts):
-            if any(counts) and count != len(names):
-                raise RejectedInputError(
-                    f'trajectory rejected, because point {index} has {count} {what} for '
-                    f'{len(names)} joints: in each point, set {what} of all joints, or omit '
-                    f'{what} in all points'
-                )
-    return [joint for joint, name in enumerate(limits.names) if name not in names]
-
-
-def _filled(given: Sequence[float], others: Sequence[float]) -> list[float]:
-    return [*given, *others] if len(given) else []
-
-
-def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: float) -> None:
-    """Command the joint positions of a set point; raises RejectedInputError."""
-    limits: JointLimits = follower.limits
-    order = limits.order(list(message.name))
-    if len(message.position) != limits.n:
-        raise RejectedInputError(
-            f'set point rejected, because it has {len(message.position)} positions: set '
-            f'{limits.n} positions, one per joint'
-        )
-    q = np.array(message.position)[order]
-    if not np.all(np.isfinite(q)):
-        raise RejectedInputError(
-            'set point rejected, because a position is NaN or infinite: set finite numbers'
-        )
-    follower.go_to(q, now)
 
 
 NAME = 'follow_joint_trajectory'
@@ -155,15 +101,16 @@ class TrajectoryController(ControllerNode):
 
     Attributes
     ----------
-    follower, law
-        Trajectory follower and control law, which `make_loop` creates.
     reaction
         Reaction to contact, which `subscribe` creates.
     """
 
     follower: TrajectoryFollower
-    law: Any
     reaction: ContactReaction
+
+    def make_follower(self) -> TrajectoryFollower:
+        """Return the follower of trajectories and set points."""
+        return self.arm.follower(self.values)
 
     def ahead(self, times: npt.NDArray[np.float64]) -> JointReference | None:
         """Return the planned references at times (M,) [s]."""
@@ -174,7 +121,9 @@ class TrajectoryController(ControllerNode):
         self.reaction = self.react_to_contact(self.follower, self.law)
 
         def set_point(message: JointState, now: float) -> None:
-            go_to_set_point(self.follower, message, now)
+            names, rows = list(message.name), [message.position]
+            goal = JointTrajectory(self.follower.limits, names, [0.0], rows, what='set point')
+            self.follower.go_to(goal.q[0], now)
 
         self.take_references(topics.JOINT_TRAJECTORY, self._on_trajectory)
         self.take_references(topics.SET_POINT, set_point)
@@ -186,17 +135,12 @@ class TrajectoryController(ControllerNode):
         """Return a message's trajectory and start time, as the function `read_trajectory` does."""
         return read_trajectory(self.follower.limits, message, now, self.follower.reference.q)
 
-    def check_parameter(self, name: str, value: Any) -> None:
-        """Raise ValueError unless a new gain has one value, or one per joint."""
-        if name in ('kp', 'kd'):
-            non_negative(name, scalar_or_array(value), self.arm.config.n)
-
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change the control gains or the reaction to contact."""
+        """Change the reaction to contact, or an attribute of the law."""
         if name == REACTION:
             self.reaction.reaction = Reaction(value)
         else:
-            setattr(self.law, name, non_negative(name, scalar_or_array(value), self.arm.config.n))
+            super().on_parameter(name, value)
 
     def describe(self) -> dict[str, object]:
         """Return the state of the present and of the last motion, for /diagnostics."""
@@ -243,7 +187,7 @@ class TrajectoryAction(Attendant):
         self._controller = controller
         self._follower = controller.follower
         self._type = action_type
-        self._goals = TrajectoryGoals(self._follower)
+        self._goals = TrajectoryGoals(self._follower, self._end)
         self._own = self._follower.tolerances
         # Goals without a result, and goals that have ended with a result, by their ids.
         self._waiting: dict[Any, tuple[Any, Future]] = {}
@@ -266,11 +210,11 @@ class TrajectoryAction(Attendant):
 
     def update(self) -> None:
         """End the goal if the follower has reached or aborted its trajectory."""
-        self._end(self._goals.update())
+        self._goals.update()
 
     def give_up(self, reason: str) -> None:
         """Abort the active goal, because the arm is no longer controlled."""
-        self._end(self._goals.give_up(reason))
+        self._goals.give_up(reason)
 
     def destroy(self) -> None:
         """Destroy the server after the loop has ended."""
@@ -280,11 +224,10 @@ class TrajectoryAction(Attendant):
         try:
             self._controller.require_commandable(NAME)
             trajectory, start = self._controller.read(handle.request.trajectory, now)
-            ended = self._goals.start(_id(handle), trajectory, now, start, self._tolerances(handle))
+            self._goals.start(_id(handle), trajectory, now, start, self._tolerances(handle))
         except RejectedInputError as error:
-            self._end([(_id(handle), GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))])
+            self._end(_id(handle), GoalResult(ABORTED, ResultCode.INVALID_GOAL, str(error)))
             raise
-        self._end(ended)
 
     def _tolerances(self, handle: Any) -> FollowerTolerances:
         request = handle.request
@@ -301,10 +244,9 @@ class TrajectoryAction(Attendant):
             self._controller.reject(f'{error}; the controller uses its default tolerances')
             return self._own
 
-    def _end(self, ended: list[tuple[Any, GoalResult]]) -> None:
-        if ended:
-            self._ended += ended
-            self._news.trigger()
+    def _end(self, goal: Any, result: GoalResult) -> None:
+        self._ended.append((goal, result))
+        self._news.trigger()
 
     # In the executor's thread.
 
@@ -330,7 +272,7 @@ class TrajectoryAction(Attendant):
         return GoalResponse.ACCEPT
 
     def _cancel(self, handle: Any) -> CancelResponse:
-        self._controller.act(lambda now: self._end(self._goals.cancel(_id(handle), now)))
+        self._controller.act(lambda now: self._goals.cancel(_id(handle), now))
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: Any) -> Any:

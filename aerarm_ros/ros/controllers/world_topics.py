@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, Quaternion, WrenchStamped
-from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
+from geometry_msgs.msg import PoseStamped, Quaternion, Twist, WrenchStamped
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.base.base_motion import quaternion, rotation_matrix
+from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.controllers.state_node import Attendant
+from aerarm_ros.ros.controllers.tool_topics import pose_message
 from aerarm_ros.ros.executors import create_steady_timer
-from aerarm_ros.ros.messages import fill, seconds, vector, wrench, wrench_message
 from aerarm_ros.ros.messages import quaternion as quaternion_of
+from aerarm_ros.ros.messages import seconds, vector, wrench, wrench_message
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.world.base_pose import BasePose
 from aerarm_ros.world.reach import DIRECTIONS, ArmReach, DroneRequest, ReachMargin
@@ -86,16 +88,13 @@ class WorldTopics(Attendant):
         )
         self._request: DroneRequest | None = None
         if values.request_drone:
-            if arm.drone is None:
-                raise ValueError('parameter request_drone needs the drone: set drone_file')
-            if not values.posture:
+            if arm.drone is None or not values.posture:
                 raise ValueError(
-                    'parameter request_drone needs the posture in the middle of the reach: set '
-                    'posture, with joint 4 far from 0'
+                    'request_drone needs the drone and a posture in the middle of the reach: set '
+                    'the parameters drone_file, and posture with joint 4 far from 0'
                 )
             self._request = DroneRequest(
-                Kinematics(arm.robot, values.frame), arm.drone,
-                values.posture,
+                Kinematics(arm.robot, values.frame), arm.drone, values.posture,
                 values.request_speed, values.request_deadband,
             )  # fmt: skip
             self._requests = controller.advertise(topics.FLIGHT_SET_POINT)
@@ -124,11 +123,7 @@ class WorldTopics(Attendant):
                 f'tool motion rejected: it must have 2 to {_POINTS_MAX} points, each with the '
                 'pose of one body (the tool)'
             )
-        if message.header.frame_id not in ('', self.frame):
-            raise RejectedInputError(
-                f'tool motion rejected, because its frame is {message.header.frame_id!r}: send it '
-                f'in the frame of the odometry, {self.frame!r}'
-            )
+        self._require_odometry('tool motion', message.header.frame_id)
         path = WorldPath(
             [seconds(p.time_from_start) for p in points],
             [vector(p.transforms[0].translation) for p in points],
@@ -147,13 +142,15 @@ class WorldTopics(Attendant):
                 'tool force rejected: the tool can press with a force but not with a moment: set '
                 'the torque to zero'
             )
-        frame = message.header.frame_id
+        self._require_odometry('tool force', message.header.frame_id)
+        self._reference.push(force, now)
+
+    def _require_odometry(self, what: str, frame: str) -> None:
         if frame not in ('', self.frame):
             raise RejectedInputError(
-                f'tool force rejected, because its frame is {frame!r}: send it in the frame of the '
+                f'{what} rejected, because its frame is {frame!r}: send it in the frame of the '
                 f'odometry, {self.frame!r}'
             )
-        self._reference.push(force, now)
 
     def _in_world(
         self, what: str, frame: str, place: Array, rotation: Array | None, now: float
@@ -162,7 +159,11 @@ class WorldTopics(Attendant):
         if frame in ('', self.frame):
             return place, rotation
         if frame != self._base:
-            raise RejectedInputError(self._wrong_frame(what, frame))
+            known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
+            raise RejectedInputError(
+                f'{what} rejected, because no node publishes the base pose in frame {frame!r}: '
+                f'send the {what} in frame {known}'
+            )
         problem = self._reference.base.problem(now)
         if problem:
             self._reference.base.accept_next()
@@ -172,13 +173,6 @@ class WorldTopics(Attendant):
         pose = self._reference.base.pose(now)
         turned = None if rotation is None else pose.rotation @ rotation
         return pose.to_world(place), turned
-
-    def _wrong_frame(self, what: str, frame: str) -> str:
-        known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
-        return (
-            f'{what} rejected, because no node publishes the base pose in frame {frame!r}: send '
-            f'the {what} in frame {known}'
-        )
 
     # Called by the control loop.
 
@@ -237,8 +231,6 @@ class WorldTopics(Attendant):
         self._seen = self.margin = None
         if self._reference.force is not None:
             self._reference.force.reset()
-        if self._request is not None:
-            self._request.reset()
 
     # In the executor's thread.
 
@@ -247,6 +239,8 @@ class WorldTopics(Attendant):
         if seen is None:
             self.margin = None
             self.recent.clear()
+            if self._request is not None:
+                self._request.reset()
             return
         q, pose, held, goal, now = seen
         self.margin = margin = self._reach.margin(q, pose, held)
@@ -254,19 +248,10 @@ class WorldTopics(Attendant):
         data = [*margin.along.tolist(), margin.time]
         self._reaches.publish(Float64MultiArray(layout=self._layout, data=data))
         if self._request is not None:
-            wanted = self._request.update(now, goal, pose)
-            c, s = np.cos(wanted.yaw), np.sin(wanted.yaw)
-            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            header = base_header(round(now * 1e9), self.frame)
-            self._requests.publish(pose_message(header, wanted.position, turn))
-
-
-def pose_message(header: Header, place: Array, rotation: Array) -> PoseStamped:
-    """Return a pose message with position `place` (3,) [m] and rotation matrix (3, 3)."""
-    message = PoseStamped(header=header)
-    fill(message.pose.position, place)
-    fill(message.pose.orientation, quaternion(rotation))
-    return message
+            place, turn = self._request.update(now, goal, pose)
+            self._requests.publish(
+                pose_message(base_header(round(now * 1e9), self.frame), place, turn)
+            )
 
 
 def _rotation(what: str, part: Quaternion) -> Array | None:
@@ -287,8 +272,6 @@ def _rotation(what: str, part: Quaternion) -> Array | None:
     return rotation_matrix(turn / length)
 
 
-def _linear(rows: list[object]) -> list[Array] | None:
-    """Return the linear part of each point's twist, None if no point has a twist."""
-    if not any(len(row) for row in rows):  # type: ignore[arg-type]
-        return None
-    return [vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]  # type: ignore
+def _linear(twists: Sequence[Sequence[Twist]]) -> list[Array]:
+    """Return the linear part of each point's twist, empty for a point without a twist."""
+    return [vector(point[0].linear) if len(point) else np.empty(0) for point in twists]

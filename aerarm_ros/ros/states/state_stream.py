@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -108,27 +108,6 @@ def base_header(stamp_ns: int, base_link: str) -> Header:
     return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=base_link)
 
 
-class RotorThrusts(NamedTuple):
-    """Rotor command of a drone's flight controller.
-
-    Attributes
-    ----------
-    names
-        Names of the n rotors.
-    thrust
-        Commanded thrusts (n,) [N].
-    stamp
-        Stamp of the command [s].
-    lead_ns
-        Time from the arrival of the command to the arrival of the newest joint state [ns].
-    """
-
-    names: tuple[str, ...]
-    thrust: NDArray[np.float64]
-    stamp: float
-    lead_ns: int
-
-
 _COUNT_PERIOD = 1.0  # [s]
 
 
@@ -208,6 +187,9 @@ class StateSampler:
         """Destroy the subscription."""
         self._reader.destroy()
 
+
+NamedThrusts = tuple[tuple[str, ...], NDArray[np.float64], float]
+"""Names of rotors, their thrusts (n,) [N], and the stamp of the command [s]."""
 
 _STATES = 0  # index among the topics
 
@@ -355,8 +337,12 @@ class StateStream:
         raw = self._reader.take_newest(self._odometry_place)
         return None if raw is None else decoded_odometry(raw[0], self._reject)
 
-    def rotor_command(self) -> RotorThrusts | None:
-        """Return the newest unread rotor command, or None."""
+    def rotor_command(self) -> tuple[int, NamedThrusts] | None:
+        """Return the newest unread rotor command, or None.
+
+        The result is the time from its arrival to that of the newest joint state [ns], and the
+        command.
+        """
         if self._rotors is None:
             return None
         message = self._reader.take_newest(self._rotors_place)
@@ -368,8 +354,7 @@ class StateStream:
         except ValueError as error:
             self._reject(f'rotor_command: {error}')
             return None
-        lead_ns = self._received_ns - info['received_timestamp']
-        return RotorThrusts(names, thrust, stamp_ns * 1e-9, lead_ns)
+        return self._received_ns - info['received_timestamp'], (names, thrust, stamp_ns * 1e-9)
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""

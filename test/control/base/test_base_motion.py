@@ -9,7 +9,6 @@ from aerarm_ros.control.base.base_motion import (
     Mount,
     attitude_ned_frd_to_enu_flu,
     frd_to_flu,
-    quaternion,
     rotation_matrix,
 )
 from aerarm_ros.control.checks import RejectedInputError
@@ -99,10 +98,3 @@ def test_a_vector_means_the_same_in_both_conventions() -> None:
         np.testing.assert_allclose(
             converted @ frd_to_flu(in_frd), ned_to_enu(attitude.apply(in_frd)), atol=1e-12
         )
-
-
-def test_rotation_matrix_agrees_with_scipy() -> None:
-    attitude = Rotation.random(random_state=1)
-    np.testing.assert_allclose(rotation_matrix(attitude.as_quat()), attitude.as_matrix())
-    back = rotation_matrix(quaternion(attitude.as_matrix()))
-    np.testing.assert_allclose(back, attitude.as_matrix())

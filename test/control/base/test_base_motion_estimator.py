@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import BaseMotion, ImuSample, Mount
-from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator, BaseMotionPrediction
+from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
 from aerarm_ros.control.checks import RejectedInputError
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -122,32 +122,3 @@ def test_rejected_samples_change_nothing() -> None:
     with pytest.raises(RejectedInputError, match='no attitude'):
         estimator.offer(sample(1.1, attitude=None), 1.1)
     np.testing.assert_array_equal(estimator.motion(1.01).gravity, before.gravity)
-
-
-RATE = np.array([0.4, -1.5, 0.8])
-GRAVITY_IN_WORLD = np.array([0.0, 0.0, -9.81])
-FORCE_IN_WORLD = np.array([1.0, -2.0, 10.5])
-START = Rotation.from_rotvec([0.3, 0.2, -0.5])
-
-
-def motion_at(time: float) -> BaseMotion:
-    """Return the motion of a base with a constant rate under a constant force."""
-    to_base = (START * Rotation.from_rotvec(time * RATE)).inv()
-    gravity, force = to_base.apply([GRAVITY_IN_WORLD, FORCE_IN_WORLD])
-    return BaseMotion(gravity, force, RATE, np.zeros(3))
-
-
-@pytest.mark.parametrize('time', [0.0, 0.002, 0.02])
-def test_vectors_constant_in_the_world_rotate_against_the_base(time: float) -> None:
-    predicted = BaseMotionPrediction(motion_at(0.0), RATE).after(time)
-    error = (np.linalg.norm(RATE) * time) ** 3 * 10.0
-    for now, then in zip(predicted, motion_at(time), strict=True):
-        np.testing.assert_allclose(now, then, atol=error + 1e-12)
-
-
-def test_an_angular_acceleration_that_grows_is_followed() -> None:
-    spin, jerk = np.array([1.0, 2.0, 3.0]), np.array([10.0, 0.0, -20.0])
-    measured = motion_at(0.0)._replace(angular_acceleration=spin)
-    predicted = BaseMotionPrediction(measured, RATE, jerk=jerk).after(0.01)
-    np.testing.assert_allclose(predicted.angular_acceleration, spin + 0.01 * jerk)
-    np.testing.assert_allclose(predicted.angular_velocity, RATE + 0.01 * spin + 5e-5 * jerk)

@@ -1,8 +1,6 @@
 """The moving-base model, compared with the fixed-base model and the physics engine."""
 
 import numpy as np
-import pinocchio as pin
-import pytest
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.base_motion import BaseMotion
@@ -139,30 +137,3 @@ def test_agrees_with_the_force_in_the_mount_of_a_flying_arm(robot, make_flying_a
         wrench, _ = dynamics.reaction(*joints, base)
         # The engine's sensor tells the wrench of the drone on the arm.
         np.testing.assert_allclose(-wrench, flying.wrench_in_mount, atol=1e-9)
-
-
-def test_inertia_rate_minus_twice_coriolis_is_skew_symmetric(dynamics, postures) -> None:
-    random = np.random.default_rng(2)
-    step = 1e-6
-    for q in postures:
-        dq = random.normal(size=4)
-        after = dynamics.fixed.inertia_matrix(q + step * dq).copy()
-        before = dynamics.fixed.inertia_matrix(q - step * dq).copy()
-        n = (after - before) / (2.0 * step) - 2.0 * dynamics.fixed.coriolis_matrix(q, dq)
-        np.testing.assert_allclose(n, -n.T, atol=1e-7)
-
-
-def test_composite_inertia_is_the_sum_of_the_links(robot, dynamics, postures) -> None:
-    model, data = robot.model, robot.model.createData()
-    for q in postures:
-        mass, com, inertia = dynamics.composite_inertia(q)
-        np.testing.assert_allclose(com, pin.centerOfMass(model, data, q), atol=1e-12)
-        assert mass == pytest.approx(robot.inertial_parameters[:, 0].sum())
-        pin.forwardKinematics(model, data, q)
-        about_com = np.zeros((3, 3))
-        for index in range(1, model.njoints):
-            body, pose = model.inertias[index], data.oMi[index]
-            turned = pose.rotation @ body.inertia @ pose.rotation.T
-            arm = pose.act(body.lever) - com
-            about_com += turned + body.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-        np.testing.assert_allclose(inertia, about_com, atol=1e-12)

@@ -8,7 +8,7 @@ import pytest
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
-from aerarm_ros.motion.signals import ArmState, JointReference
+from aerarm_ros.motion.signals import JointReference
 
 CYCLE = 1e-3
 KP = np.array([60.0, 60.0, 40.0, 40.0])
@@ -77,18 +77,3 @@ def test_friction_compensation_does_not_chatter_at_rest(dynamics, bench, config)
     run = bench(UPRIGHT).run(controller, 0.5)
     assert np.abs(np.diff(run.effort, axis=0)).max() < 0.2 * config.column('coulomb').min()
     assert np.abs(run.dq[100:]).max() < 1e-4
-
-
-def test_switching_hand_guiding_never_steps_the_torque(dynamics) -> None:
-    law = GravityCompensation(dynamics, KP, KD)
-    state = ArmState(UPRIGHT + 0.1, np.full(4, 0.2), np.zeros(4))
-    reference = JointReference.at_rest(UPRIGHT)
-    efforts = []
-    for cycle in range(2000):
-        law.hand_guiding = 500 <= cycle < 1200
-        efforts.append(law.update(state, reference, CYCLE).tau)
-        if cycle in (499, 1999):
-            assert law.stiffness == 1.0
-    full = np.abs(efforts[0] - dynamics.fixed.gravity(state[0])).max()
-    assert np.abs(np.diff(efforts, axis=0)).max() < 0.005 * full
-    np.testing.assert_allclose(efforts[-1], efforts[0])

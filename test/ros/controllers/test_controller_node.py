@@ -24,6 +24,7 @@ from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 NAN = float('nan')
+ROOT = Path(__file__).parents[3]
 
 
 def reject(
@@ -103,8 +104,11 @@ def follow_set_points(bench: ControllerBench) -> None:
         bench.wait_for_posture(goal, 0.005, sender(set_points, message))
         for reason, wrong in (
             ('joint2 at 9 rad is outside', JointState(name=NAMES, position=[0.0, 9.0, 0.0, 0.0])),
-            ('it has 3 positions: set 4', JointState(name=NAMES, position=goal[:3])),
-            ('set finite numbers', JointState(name=NAMES, position=[NAN, *goal[1:]])),
+            ('set point: positions: give 4 values', JointState(name=NAMES, position=goal[:3])),
+            (
+                'set point: positions must be finite',
+                JointState(name=NAMES, position=[NAN, *goal[1:]]),
+            ),
         ):
             reject(bench, process, set_points, wrong, reason)
         bench.set_parameter('gravity_compensation', 'hand_guiding', True)
@@ -112,6 +116,29 @@ def follow_set_points(bench: ControllerBench) -> None:
         bench.wait(lambda: time.monotonic() > end, 'the fading of the gains')
         assert np.abs(bench.q - goal).max() < 0.05
         assert bench.mode == 'running'
+        assert process.stop() == 0, process.tail()
+
+
+def run_a_controller_of_one_file(bench: ControllerBench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example of the documentation, in a copy of the package that consists of links."""
+    page = (ROOT / 'docs' / 'how-to' / 'drive_it.md').read_text()
+    (example,) = re.findall(r'```python\n(.*?)```', page, re.DOTALL)
+    copy, nodes = bench.folder / 'aerarm_ros', Path('nodes')
+    for folder in (Path(), nodes, nodes / 'controllers'):
+        (copy / folder).mkdir()
+        for file in (ROOT / 'aerarm_ros' / folder).iterdir():
+            if file.name not in ('nodes', 'controllers', '__pycache__'):
+                (copy / folder / file.name).symlink_to(file)
+    (copy / nodes / 'controllers' / 'spring.py').write_text(example)
+    monkeypatch.setenv('PYTHONPATH', f'{bench.folder}:{ROOT}')
+    monkeypatch.setenv('PYTHONSAFEPATH', '1')  # do not import from the working directory
+    with bench.controller('spring', stiffness=50.0) as process:
+        set_points = bench.publisher(topics.SET_POINT)
+        bench.wait(lambda: bench.mode == 'running', 'commands')
+        bench.set_parameter('spring', 'stiffness', 80.0)
+        goal = [-0.2, 1.4, 0.3, 0.2]
+        message = JointState(name=NAMES, position=goal)
+        bench.wait_for_posture(goal, 0.02, sender(set_points, message))
         assert process.stop() == 0, process.tail()
 
 
@@ -222,7 +249,9 @@ def obey_the_mode(bench: ControllerBench) -> None:
         assert bench.mode == 'fault'
 
 
-def test_controllers_on_one_bridge(tmp_path: Path, ros_node: Node) -> None:
+def test_controllers_on_one_bridge(
+    tmp_path: Path, ros_node: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """One bridge holds the arm from controller to controller."""
     bench = ControllerBench(tmp_path, ros_node, pace='keep_up')
     with bench.hardware:
@@ -231,6 +260,7 @@ def test_controllers_on_one_bridge(tmp_path: Path, ros_node: Node) -> None:
         execute_trajectories(bench, 'host', [-0.3, 1.5, 0.4, -0.4])
         execute_trajectories(bench, 'boards', [0.2, 1.7, 0.0, 0.3])
         follow_set_points(bench)
+        run_a_controller_of_one_file(bench, monkeypatch)
         move_the_tool(bench, 'kinematic_control', [0.3, 1.1, 0.3, 0.9])
         move_the_tool(bench, 'impedance_control', [0.1, 1.2, 0.2, 0.7])
         obey_the_mode(bench)

@@ -218,7 +218,6 @@ def test_rotor_commands_are_used_and_those_of_other_drones_rejected(make_node) -
     base, names = node.base, node.arm.drone.rotor_names
     assert isinstance(base, FreeBaseEstimator)
     assert node.describe()['base motion'].startswith('neither rotor commands nor IMU')
-    assert node.describe()['compensated delay [ms]'] == pytest.approx(5.8, abs=0.1)
     np.testing.assert_allclose(base.configured.gravity, [0.0, 0.0, 9.81], atol=1e-9)
     topic = topics.ROTOR_COMMAND
     publisher = node.node.create_publisher(topic.type, topic.name, topic.qos)

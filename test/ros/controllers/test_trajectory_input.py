@@ -1,7 +1,5 @@
 """JointTrajectory messages for a follower."""
 
-import re
-
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
@@ -19,8 +17,7 @@ def message(names: list[str], *rows: list[list[float]]) -> JointTrajectory:
     """Return a message with points at 1, 2, ... s: positions, and velocities if given."""
     points = [
         JointTrajectoryPoint(
-            positions=row[0],
-            velocities=row[1] if len(row) > 1 else [],
+            **dict(zip(('positions', 'velocities'), row, strict=False)),
             time_from_start=Duration(sec=1 + index),
         )
         for index, row in enumerate(rows)
@@ -36,14 +33,15 @@ def test_joints_that_are_not_named_stay() -> None:
     assert trajectory.ddq is None
 
 
-@pytest.mark.parametrize('names', [['joint1', 'elbow'], ['joint1', 'joint1'], []])
-def test_other_joint_names_are_rejected_as_well(names: list[str]) -> None:
-    reason = re.escape(f'joint names {names} do not match the arm: name joints of')
+@pytest.mark.parametrize(
+    ('names', 'row', 'reason'),
+    [
+        (['joint1', 'elbow'], [[0.1, 0.1]], 'name joints of'),
+        (['joint1', 'joint1'], [[0.1, 0.1]], 'name joints of'),
+        ([], [[]], 'name joints of'),
+        (['joint1', 'joint3'], [[0.1, 0.2], [0.1, 0.2, 0.3]], 'velocities: give 2 values'),
+    ],
+)
+def test_other_names_and_numbers_of_values_are_rejected(names, row, reason: str) -> None:
     with pytest.raises(RejectedInputError, match=reason):
-        read_trajectory(LIMITS, message(names, [[0.1] * len(names)]), 0.0, HERE)
-
-
-def test_values_are_counted_by_the_joints_that_are_named() -> None:
-    wrong = message(['joint1', 'joint3'], [[0.1, 0.2]], [[0.1, 0.2, 0.3]])
-    with pytest.raises(RejectedInputError, match='point 1 has 3 positions for 2 joints'):
-        read_trajectory(LIMITS, wrong, 0.0, HERE)
+        read_trajectory(LIMITS, message(names, row), 0.0, HERE)
