@@ -9,7 +9,6 @@ import numpy.typing as npt
 from aerarm_ros.energy.energy_model import EnergyModel
 from aerarm_ros.excitation.clearance import ClearanceChecker
 from aerarm_ros.excitation.settings import MotionLimits
-from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import Array, JointReference
 from aerarm_ros.planner.spline_basis import SplineBasis
 
@@ -127,52 +126,6 @@ class ClearanceTerm:
         margin = self._clearance.margin(q)
         self._seen[0][k], self._seen[1][k] = q, margin
         return margin
-
-
-class DisturbanceTerm:
-    """Cost term: moment that a motion exerts on the base, with most weight on its peak.
-
-    The moment m is that of the reaction on the base when links and rotors accelerate, `M_bj ddq +
-    c_b` of the free-base model. The moment of the arm's weight is excluded, because it depends on
-    the posture and not on the motion. The term is the integral of ``scale^2 (|m| / scale)^(2
-    power)``.
-
-    Parameters
-    ----------
-    price : float
-        Price of squared moment over time [J/(Nm)^2/s], at a moment equal to `scale`.
-    scale : float
-        Moment above which the price rises steeply [Nm].
-    power : int
-        Exponent; higher values give more weight to the peak.
-    """
-
-    def __init__(self, body: WholeBodyDynamics, price: float, scale: float, power: int = 3) -> None:
-        self._body = body
-        self._price = price
-        self._scale = scale
-        self._power = power
-
-    def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the cost and its derivatives, see `TermValue`."""
-        count, n = motion.q.shape
-        moment, slopes = np.empty((count, 3)), np.empty((3, count, 3, n))
-        for k, row in enumerate(zip(*motion, strict=True)):
-            wrench, *by = self._body.reaction_with_slopes(*row)
-            moment[k] = wrench[3:]
-            slopes[:, k] = [slope[3:] for slope in by]
-        square = (moment**2).sum(axis=1) / self._scale**2
-        value = dt * self._price * self._scale**2 * float((square**self._power).sum())
-        factor = 2.0 * dt * self._price * self._power * square ** (self._power - 1)
-        by_moment = factor[:, np.newaxis] * moment
-        return TermValue(value, *np.einsum('mi,dmij->dmj', by_moment, slopes))
-
-
-def peak_moment(body: WholeBodyDynamics, motion: JointReference) -> float:
-    """Return the largest moment [Nm] that a motion exerts on the base at M instants."""
-    still = np.zeros(3)
-    rows: list[Array] = [body.forces(*row, still)[3:6] for row in zip(*motion, strict=True)]
-    return float(np.linalg.norm(rows, axis=1).max())
 
 
 # Widths over which the sign of a velocity [rad/s] and the sign of a power [W] are smoothed.
