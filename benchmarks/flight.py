@@ -20,12 +20,11 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from flying.arm_model import ArmModel
+from flying.arm_swing import PARTS, FlightProgram
 from flying.flight_bench import FlightBench
-from flying.flight_case import FlightCase
-from flying.flight_page import report
-from flying.flight_program import PARTS, FlightProgram
+from flying.flight_case import DRONES, WAYS, FlightCase, load_drone, ways_of
 from flying.flight_record import FlightRecord
-from flying.flight_way import DRONES, WAYS, load_drone, ways_of
+from flying.flight_results import report
 from flying.node_bench import FAILURES, reason, ros_node
 from rclpy.node import Node
 

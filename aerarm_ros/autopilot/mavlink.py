@@ -66,7 +66,7 @@ def checksum(data: bytes) -> int:
 class _Field(NamedTuple):
     name: str
     kind: str
-    count: int  # 0 for a scalar
+    length: int  # 0 for a scalar
 
     @property
     def size(self) -> int:
@@ -97,11 +97,11 @@ class MessageLayout:
     def __init__(self, number: int, name: str, base: str, extensions: str) -> None:
         self.number, self.name = number, name
         ordered = sorted(_fields(base), key=lambda field: field.size, reverse=True)
-        texts = [f'{x.kind} {x.name} ' + (chr(x.count) if x.count else '') for x in ordered]
+        texts = [f'{x.kind} {x.name} ' + (chr(x.length) if x.length else '') for x in ordered]
         turned = checksum(''.join([name, ' ', *texts]).encode('latin1'))
         self.seed = turned & 0xFF ^ turned >> 8
         self._fields = [*ordered, *_fields(extensions)]
-        codes = [f'{field.count or ""}{_CODES[field.kind]}' for field in self._fields]
+        codes = [f'{field.length or ""}{_CODES[field.kind]}' for field in self._fields]
         self._struct = struct.Struct('<' + ''.join(codes))
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
@@ -115,11 +115,11 @@ class MessageLayout:
         if unknown := values.keys() - {field.name for field in self._fields}:
             raise ValueError(f'MAVLink {self.name} has no field {sorted(unknown)[0]}')
         flat: list[Any] = []
-        for name, kind, count in self._fields:
+        for name, kind, length in self._fields:
             if kind == 'char':
                 flat.append(str(values.get(name, '')).encode())
-            elif count:
-                flat += values.get(name, [0] * count)
+            elif length:
+                flat += values.get(name, [0] * length)
             else:
                 flat.append(values.get(name, 0))
         try:
@@ -133,11 +133,11 @@ class MessageLayout:
         size = self._struct.size
         flat = iter(self._struct.unpack(payload[:size].ljust(size, b'\0')))
         values: dict[str, Any] = {}
-        for name, kind, count in self._fields:
+        for name, kind, length in self._fields:
             if kind == 'char':
                 values[name] = next(flat).split(b'\0')[0].decode(errors='replace')
             else:
-                values[name] = tuple(islice(flat, count)) if count else next(flat)
+                values[name] = tuple(islice(flat, length)) if length else next(flat)
         return values
 
 

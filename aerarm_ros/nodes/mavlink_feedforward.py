@@ -22,13 +22,11 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.autopilot.ardupilot_loop import ArduPilotSetPoints
-from aerarm_ros.autopilot.ardupilot_setup import motors_of
+from aerarm_ros.autopilot.ardupilot import ArduPilotSetPoints, motors_of
 from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.mavlink_autopilot import ARDUPILOT, MavlinkAutopilot
 from aerarm_ros.autopilot.mavlink_line import open_line
-from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
-from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
+from aerarm_ros.autopilot.px4 import Px4Gains, Px4SetPoints, torque_unit
 from aerarm_ros.control.base.base_motion import quaternion
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig
@@ -232,7 +230,7 @@ class MavlinkFeedforward:
             arm = FeedForward.at_rest(arm.body)
             if self._set_points.needs_state:
                 return
-        name, values = self._set_points.message(state, target, dt, arm, np.zeros(3))
+        name, values = self._set_points.message(state, target, dt, arm)
         self._autopilot.set_point(name, now, **values)
         self._sent += 1
 

@@ -4,23 +4,12 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from aerarm_ros.autopilot import ardupilot_link
+from aerarm_ros.autopilot.ardupilot import ArduPilotSetPoints, ArduPilotSetup
 from aerarm_ros.autopilot.ardupilot_flight import ArduPilotFirmware
-from aerarm_ros.autopilot.ardupilot_loop import ArduPilotSetPoints
-from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
-from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
-from aerarm_ros.autopilot.betaflight_link import BetaflightLink
+from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight, BetaflightLink
 from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
-from aerarm_ros.autopilot.px4 import SENSORS, VISION, Px4Gains, hover_share
+from aerarm_ros.autopilot.px4 import Px4Gains, Px4SetPoints, hover_share, tilt_ahead
 from aerarm_ros.autopilot.px4_flight import Px4Firmware
-from aerarm_ros.autopilot.px4_link import (
-    COMPANION_PORT,
-    OFFBOARD_PORT,
-    SIMULATOR_PORT,
-    CompanionLink,
-    SimulatorLink,
-)
-from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
@@ -75,11 +64,6 @@ FLIGHT_PARAMETERS = (
         Parameter(
             'autopilot_instance', 0, 'instance number of the PX4 program (its option -i) or of the '
                 'ArduPilot program (its option -I)', '', 0, 250
-        ),
-        Parameter(
-            'autopilot_sensors', VISION,
-            "source of the firmware's position: external odometry or satellites",
-            choices=SENSORS,
         ),
         Parameter('mc_att_p', Px4Gains.mc_att_p, "PX4's attitude gains MC_ROLL_P and "
                                                  'MC_PITCH_P', '1/s', 0.5, 30.0),
@@ -152,30 +136,21 @@ def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProper
 def _px4_firmware(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> FirmwareFlight:
-    names, number = ('mc_att_p', 'mc_rate_k', 'mc_yawrate_p'), values.autopilot_instance
+    names = ('mc_att_p', 'mc_rate_k', 'mc_yawrate_p')
     px4 = Px4Gains(**{name: getattr(values, name) for name in names})
-    simulator = SimulatorLink(SIMULATOR_PORT + number)
-    companion = CompanionLink(COMPANION_PORT + number, OFFBOARD_PORT + number)
     acceleration = tilt_ahead(px4, drone) if values.tilt_ahead else None
     set_points = Px4SetPoints(drone, flight_gains(values), acceleration, values.hold_heading)
-    firmware = Px4Firmware(simulator, companion, values.autopilot_sensors)
+    firmware = Px4Firmware.instance(values.autopilot_instance)
     return FirmwareFlight(drone, body, firmware, set_points)
 
 
 def _ardupilot_firmware(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> FirmwareFlight:
-    setup = ArduPilotSetup(sensors=values.autopilot_sensors)
-    motors = motors_of(drone)
+    setup = ArduPilotSetup()
     hover_share(drone, body)  # checks that ArduPilot can lift the drone
-    more = ardupilot_link.PORT_STEP * values.autopilot_instance
-    simulator = ardupilot_link.JsonLink(ardupilot_link.SIMULATOR_PORT + more)
-    companion = CompanionLink(ardupilot_link.COMPANION_PORT + more, None)
-    firmware = ArduPilotFirmware(simulator, companion, motors, setup.sensors)
-    acceleration = SetPointAcceleration()
-    if values.tilt_ahead:
-        lasting = setup.rate_i / setup.rate_p
-        acceleration = SetPointAcceleration(setup.att_p, setup.rate_gain(drone), lasting)
+    firmware = ArduPilotFirmware.instance(values.autopilot_instance, drone)
+    acceleration = setup.tilt_ahead(drone) if values.tilt_ahead else SetPointAcceleration()
     set_points = ArduPilotSetPoints(setup.loop, acceleration, values.hold_heading)
     return FirmwareFlight(drone, body, firmware, set_points)
 
