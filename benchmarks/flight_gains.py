@@ -12,9 +12,10 @@ from dataclasses import replace
 import numpy as np
 import yaml
 from flying.arm_swing import FlightProgram
-from flying.control_laws import DisturbanceObserver, IncrementalEstimate, Px4Flight, RejectingFlight
+from flying.compared_flight import DisturbanceObserver, IncrementalEstimate, RejectingFlight
 from flying.firmware_program import Px4AllGains
 from flying.flight_case import DRONES, height_frequency, load_drone
+from flying.px4_loops import Px4Flight
 from flying.rigid_flight import RigidFlight
 from scipy.optimize import minimize
 
