@@ -111,13 +111,6 @@ def test_the_wrench_rises_as_a_first_order_low_pass() -> None:
     np.testing.assert_allclose(rise, expected, atol=0.05)
 
 
-def test_a_wrong_drone_mass_appears_as_its_weight() -> None:
-    flight = TouchedFlight(DRONE.with_errors(1.1))
-    *_, wrench = flight.go(0.3)
-    missing = 0.1 * DRONE.mass * 9.81
-    assert flight.base[2] @ wrench[:3] == pytest.approx(missing, rel=0.1)
-
-
 def test_the_wrench_fades_without_input_and_restarts_when_the_input_returns() -> None:
     flight = TouchedFlight()
     flight.plant.touch([5.0, 0.0, 0.0])

@@ -59,14 +59,6 @@ def test_an_old_odometry_is_brought_forward_with_the_imu_s_rate(estimator: Fligh
     np.testing.assert_allclose(state.rate, rate, atol=1e-5)
 
 
-def test_without_imu_the_odometry_alone_serves(estimator: FlightEstimator) -> None:
-    estimator.offer_odometry(odometry(1.0, rate=np.array([0.1, 0.0, 0.0])))
-    state = estimator.state()
-    assert state is not None
-    np.testing.assert_array_equal(state.rate, [0.1, 0.0, 0.0])
-    assert estimator.missing() == ['imu']
-
-
 def test_silent_odometry_leaves_the_attitude(estimator: FlightEstimator) -> None:
     feed(estimator, 0.0, 0.5)
     tilted = Rotation.from_rotvec([0.2, 0.0, 0.0])

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from derivatives import assert_derivatives_agree
 
-from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.planner.spline_basis import SplineBasis
 
 START, END, DURATION = np.array([0.5, -1.0]), np.array([1.5, 2.0]), 1.7
@@ -42,11 +41,3 @@ def test_splines_stay_within_their_control_points(basis, points) -> None:
     everything = np.vstack([points, START, END])
     assert np.all(q >= everything.min(axis=0) - 1e-12)
     assert np.all(q <= everything.max(axis=0) + 1e-12)
-
-
-def test_points_near_a_quintic_are_nearly_it(basis) -> None:
-    quintic = PolynomialPath.rest_to_rest(START, END, DURATION)
-    near = basis.path(basis.points_near(quintic), START, END, DURATION)
-    times = np.linspace(0.0, DURATION, 100)
-    off = np.abs(near.evaluate(times).q - quintic.evaluate(times).q)
-    assert off.max() < 0.06 * np.abs(END - START).max()

@@ -121,27 +121,6 @@ def test_a_joint_breaks_loose_at_coulomb_plus_load_friction(direction):
     assert direction * plant.velocity[0] > 0.01
 
 
-def test_gear_friction_grows_with_the_load():
-    parameters = replace(NOMINAL, coulomb=np.zeros(4), viscous=np.zeros(4))
-    plant = ArmPlant(ROBOT, parameters, STRETCHED)
-    weight = Dynamics(ROBOT).gravity(STRETCHED)[1]
-    share = parameters.load_friction[1]
-    plant.apply_effort([0.0, (1.0 - 0.7 * share) * weight, 0.0, 0.0])
-    plant.advance(0.2)
-    assert abs(plant.velocity[1]) < 1e-5
-    plant.apply_effort([0.0, (1.0 - 2.0 * share) * weight, 0.0, 0.0])
-    plant.advance(0.2)
-    assert plant.velocity[1] < -0.01
-
-
-def test_at_rest_the_gears_transmit_the_weight():
-    plant = ArmPlant(ROBOT, NOMINAL, STRETCHED)
-    weight = Dynamics(ROBOT).gravity(STRETCHED)
-    plant.apply_effort(weight)
-    plant.advance(0.1)
-    assert plant.transmitted_effort == pytest.approx(weight, abs=1e-3)
-
-
 def test_carried_weight_does_not_load_the_joints():
     plant = ArmPlant(ROBOT, NOMINAL, STRETCHED)
     plant.support = 1.0
