@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import Vector3
 from std_msgs.msg import Header
 
-from aerarm_ros.autopilot.ardupilot_loop import LoopMotion
+from aerarm_ros.autopilot.ardupilot import LoopMotion
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.nodes import mavros_feedforward
 
