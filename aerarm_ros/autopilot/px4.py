@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
-from aerarm_ros.control.base.base_motion import frd_to_flu
+from aerarm_ros.control.base.base_motion import attitude_ned_frd_to_enu_flu, frd_to_flu
 from aerarm_ros.control.checks import non_negative_number, positive
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
@@ -38,6 +38,12 @@ def frd_rotation(rotation: Array) -> Array:
 def heading(yaw: float) -> float:
     """Convert a heading [rad] between ROS (from east, counterclockwise) and PX4 (from north)."""
     return float(np.arctan2(np.cos(yaw), np.sin(yaw)))
+
+
+def vehicle_attitude(message: Any) -> Array:
+    """Return the attitude (x, y, z, w) of a px4_msgs/VehicleAttitude, FLU in ENU axes."""
+    w, x, y, z = (float(value) for value in message.q)
+    return attitude_ned_frd_to_enu_flu([x, y, z, w])
 
 
 def torque_unit(drone: DroneConfig) -> Array:

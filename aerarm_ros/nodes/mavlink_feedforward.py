@@ -356,15 +356,12 @@ def _channels(values: Any, drone: DroneConfig) -> list[int]:
         except ValueError as error:
             raise ValueError(f'{error}, or set output_channels') from None
     given = given or list(range(1, count + 1))
-    if len(given) != count or len(set(given)) != count or not all(0 < x <= most for x in given):
-        raise ValueError(
-            f'the parameter output_channels is {given}: set {count} different numbers from 1 to '
-            f'{most}, one per rotor'
-        )
     low, high = [*values.output_range, 0.0, 0.0][:2]
-    if len(values.output_range) != 2 or not high > low:
+    is_known = len(set(given)) == len(given) == count and all(0 < x <= most for x in given)
+    if not is_known or len(values.output_range) != 2 or not high > low:
         raise ValueError(
-            f'the parameter output_range is {values.output_range}: set two increasing numbers'
+            f'output_channels is {given} and output_range {list(values.output_range)}: set '
+            f'{count} different numbers from 1 to {most}, one per rotor, and two increasing numbers'
         )
     return [channel - 1 for channel in given]
 
