@@ -43,18 +43,11 @@ class CostTerm(Protocol):
 _BEGIN = 0.97  # fraction of a limit at which the penalty begins
 
 
-class Excess(NamedTuple):
-    """Penalty of values that exceed their limits, and its derivatives (M, n) by the values."""
-
-    value: float
-    slope: Array
-
-
-def excess(values: Array, limit: Array, penalty: float) -> Excess:
-    """Return the penalty of values (M, n) whose magnitudes exceed limits (n,)."""
+def excess(values: Array, limit: Array, penalty: float) -> tuple[float, Array]:
+    """Return the penalty of values (M, n) beyond their limits (n,), and its slopes (M, n)."""
     beyond = np.maximum(np.abs(values) / limit - _BEGIN, 0.0)
     slope = (2.0 * penalty) * beyond * np.sign(values) / limit
-    return Excess(penalty * float((beyond**2).sum()), slope)
+    return penalty * float((beyond**2).sum()), slope
 
 
 class LimitTerm:
@@ -72,12 +65,9 @@ class LimitTerm:
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
         """Return the penalty and its derivatives, see `TermValue`."""
-        velocity = excess(motion.dq, self._limits.velocity, self._penalty)
-        acceleration = excess(motion.ddq, self._limits.acceleration, self._penalty)
-        value = dt * (velocity.value + acceleration.value)
-        return TermValue(
-            value, np.zeros_like(motion.q), dt * velocity.slope, dt * acceleration.slope
-        )
+        fast, by_dq = excess(motion.dq, self._limits.velocity, self._penalty)
+        hard, by_ddq = excess(motion.ddq, self._limits.acceleration, self._penalty)
+        return TermValue(dt * (fast + hard), np.zeros_like(motion.q), dt * by_dq, dt * by_ddq)
 
 
 # [m] added to the required distance, because links may be closer between instants
@@ -188,10 +178,10 @@ class DriveTerm:
         lost = 1.0 - drives.recovery
         taken = power + lost * 0.5 * (root - power)
         by_power = self._price * (1.0 + lost * 0.5 * (power / root - 1.0))
-        too_much = excess(tau, self._effort_max, self._penalty)
+        strong, slope = excess(tau, self._effort_max, self._penalty)
         by_tau = by_power * (2.0 * drives.copper_per_torque2 * tau + drives.shaft * dq)
         by_dq: Array = by_power * drives.shaft * tau
-        return self._price * float(taken.sum()) + too_much.value, by_tau + too_much.slope, by_dq
+        return self._price * float(taken.sum()) + strong, by_tau + slope, by_dq
 
 
 class SmoothnessTerm:

@@ -16,6 +16,15 @@ class PlanError(ValueError):
 ENERGY, TIME, QUINTIC = OBJECTIVES = ('energy', 'time', 'quintic')
 
 
+_RANGES = {
+    'duration': (0.0, 60.0, 's'),
+    'time_price': (0.0, 1e5, 'W'),
+    'smoothness': (0.0, 100.0, 'J s^3/rad^2'),
+    'velocity_share': (0.01, 1.0, ''),
+    'effort_share': (0.01, 1.0, ''),
+}
+
+
 @dataclass(frozen=True, slots=True)
 class PlanSettings:
     """Planner settings: objective of a motion, and usable fractions of the limits.
@@ -53,11 +62,8 @@ class PlanSettings:
     def __post_init__(self) -> None:
         """Validate all values."""
         check_choice('plan', 'objective', self.objective, OBJECTIVES)
-        check_range('plan', 'duration', self.duration, 0.0, 60.0, 's')
-        check_range('plan', 'time_price', self.time_price, 0.0, 1e5, 'W')
-        check_range('plan', 'smoothness', self.smoothness, 0.0, 100.0, 'J s^3/rad^2')
-        for key in ('velocity_share', 'effort_share'):
-            check_range('plan', key, getattr(self, key), 0.01, 1.0, '')
+        for key, (low, high, unit) in _RANGES.items():
+            check_range('plan', key, getattr(self, key), low, high, unit)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,39 +20,23 @@ OWN, PX4_SITL, ARDUPILOT_SITL, BETAFLIGHT = 'own', 'px4_sitl', 'ardupilot_sitl',
 FlightLaw = FlightControl | FirmwareFlight | BetaflightFlight
 
 _GAINS = FlightGains()
+_GAIN_ROWS = (
+    ('position_frequency', 'bandwidth of the position loop, horizontal', 'rad/s', 0.1, 20),
+    ('height_frequency', 'bandwidth of the position loop, vertical', 'rad/s', 0.1, 20),
+    ('attitude_frequency', 'bandwidth of the attitude loop', 'rad/s', 1.0, 60),
+    ('position_damping', 'damping ratio of the position loop', '', 0.1, 3.0),
+    ('attitude_damping', 'damping ratio of the attitude loop', '', 0.1, 3.0),
+    ('position_integral', 'integral gain of the position loop, relative to its bandwidth',
+     '', 0.0, 1.0),
+    ('attitude_integral', 'integral gain of the attitude loop, relative to its bandwidth',
+     '', 0.0, 1.0),
+    ('speed_max', 'largest velocity towards a set point', 'm/s', 0.01, 20),
+    ('tilt_max', 'largest commanded tilt', 'rad', 0.05, 1.2),
+)  # fmt: skip
 FLIGHT_PARAMETERS = (
     *grouped(
         'Position and attitude control',
-        Parameter(
-            'position_frequency', _GAINS.position_frequency,
-                'bandwidth of the position loop, horizontal',
-            'rad/s', 0.1, 20,
-        ),
-        Parameter(
-            'height_frequency', _GAINS.height_frequency, 'bandwidth of the position loop, vertical',
-            'rad/s', 0.1, 20,
-        ),
-        Parameter(
-            'attitude_frequency', _GAINS.attitude_frequency,
-                'bandwidth of the attitude loop', 'rad/s', 1.0,
-            60,
-        ),
-        Parameter('position_damping', _GAINS.position_damping,
-            'damping ratio of the position loop', '', 0.1, 3.0),
-        Parameter('attitude_damping', _GAINS.attitude_damping,
-            'damping ratio of the attitude loop', '', 0.1, 3.0),
-        Parameter(
-            'position_integral', _GAINS.position_integral,
-                'integral gain of the position loop, relative to its bandwidth', '', 0.0, 1.0
-        ),
-        Parameter(
-            'attitude_integral', _GAINS.attitude_integral,
-                'integral gain of the attitude loop, relative to its bandwidth', '', 0.0, 1.0
-        ),
-        Parameter(
-            'speed_max', _GAINS.speed_max, 'largest velocity towards a set point', 'm/s', 0.01, 20
-        ),
-        Parameter('tilt_max', _GAINS.tilt_max, 'largest commanded tilt', 'rad', 0.05, 1.2),
+        *(Parameter(row[0], getattr(_GAINS, row[0]), *row[1:]) for row in _GAIN_ROWS),
     ),
     *grouped(
         'Control loops of PX4',
