@@ -109,7 +109,7 @@ def test_the_firmware_is_led_into_the_air_as_it_was_when_recorded(
 def test_a_firmware_that_ends_on_the_ground_is_named(name: str, staged: Stage, monkeypatch) -> None:
     shorten_waits(monkeypatch)
     _, control, replay = staged(name, ends_at=300)
-    fly(control)
+    fly(control, flown=0)
     assert f'{NAMES[name]} has ended' in control.problem
     replay.join(5.0)
     assert replay.done == 300
