@@ -39,6 +39,7 @@ from flying.node_bench import FAILURES, reason, ros_node
 from rclpy.node import Node
 
 from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup
+from aerarm_ros.autopilot.px4 import SENSORS, VISION
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig
@@ -80,7 +81,7 @@ def flight_case(
         )  # fmt: skip
     flight = {
         'loops': f'{name}_sitl', 'autopilot_instance': instance,
-        'tilt_ahead': way != ACCELERATION, **switches,
+        'autopilot_sensors': options.sensors, 'tilt_ahead': way != ACCELERATION, **switches,
     }  # fmt: skip
     if name == PX4:
         _, attitude, rate = options.gains
@@ -107,9 +108,9 @@ def program_of(
     dynamics = MovingBaseDynamics(load_robot(arm.law.get('urdf')))
     body = MassProperties.of(drone, *dynamics.composite_inertia(rest))
     if options.autopilot == ARDUPILOT:
-        return ArduPilotProgram(place, folder, drone, body, instance)
+        return ArduPilotProgram(place, folder, drone, body, instance, sensors=options.sensors)
     gains = Px4AllGains.scaled(*options.gains, **(_FULL_YAW if drone.is_fully_actuated else {}))
-    return Px4Program(place, folder, drone, body, gains, instance)
+    return Px4Program(place, folder, drone, body, gains, instance, options.sensors)
 
 
 @contextmanager
@@ -156,6 +157,8 @@ def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
     parser.add_argument('--autopilot', choices=list(FIND), default=first)
     parser.add_argument('--gains', nargs=3, type=float, default=GAINS,
                         metavar=('XY_P', 'ATT_P', 'RATE_K'), help="PX4's gains")  # fmt: skip
+    parser.add_argument('--sensors', choices=SENSORS, default=VISION,
+                        help='source of the position of PX4 or ArduPilot')  # fmt: skip
     parser.add_argument('--imu-noise', nargs=2, type=float, default=IMU_NOISE, metavar='DEVIATION',
                         help='IMU noise [m/s^2] and [rad/s]')  # fmt: skip
     parser.add_argument('--odometry-noise', nargs=4, type=float, default=ODOMETRY_NOISE,
@@ -180,13 +183,18 @@ def main() -> int:
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
     ArmModel.add_options(parser)
     options = parse(parser)
+    if options.autopilot == BETAFLIGHT and ACCELERATION in options.ways:
+        parser.error(f'--ways {ACCELERATION} is not available for Betaflight')
     if options.program is None:
         print(HOW[options.autopilot])
         return 1
-    by = f', flown by {options.autopilot} in lockstep.'
+    by = f', flown by ArduCopter in lockstep, position from {options.sensors}.'
     if options.autopilot == PX4:
         gains = ', '.join(f'{gain:g}' for gain in options.gains)
-        by = f', flown by PX4 in lockstep; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K {gains}.'
+        by = (
+            f', flown by PX4 in lockstep, position from {options.sensors}; '
+            f'MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K {gains}.'
+        )
     with tempfile.TemporaryDirectory() as folder:
         arm = ArmModel.chosen(options, Path(folder))
         with ros_node() as node:

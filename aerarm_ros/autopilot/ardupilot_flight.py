@@ -25,7 +25,7 @@ from aerarm_ros.autopilot.firmware_flight import (
     odometry_frame,
 )
 from aerarm_ros.autopilot.mavlink_line import SET_INTERVAL, UdpLine
-from aerarm_ros.autopilot.px4 import frd_rotation, ned
+from aerarm_ros.autopilot.px4 import VISION, frd_rotation, ned
 from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.flight_state import FlightState
@@ -147,19 +147,23 @@ class ArduPilotFirmware(LockstepFirmware):
     ----------
     rotors : sequence of int
         Rotor of each motor, see `ardupilot.motors_of`.
+    sensors : str
+        One of `px4.SENSORS`; with GPS, ArduPilot simulates the receiver itself.
     """
 
     _name, _system, _second, _settling = 'ArduPilot', 1, 1.0, 3.0
     _led = 4  # the mode guided
     _near = 0.1
 
-    def __init__(self, simulator: JsonLink, companion: UdpLine, rotors: Sequence[int]) -> None:
-        super().__init__(companion)
+    def __init__(
+        self, simulator: JsonLink, companion: UdpLine, rotors: Sequence[int], sensors: str = VISION
+    ) -> None:
+        super().__init__(companion, sensors)
         self._simulator = simulator
         self._motors = np.argsort(rotors)
 
     @classmethod
-    def instance(cls, number: int, drone: DroneConfig) -> ArduPilotFirmware:
+    def instance(cls, number: int, drone: DroneConfig, sensors: str = VISION) -> ArduPilotFirmware:
         """Return the connection to ArduPilot's instance `number`.
 
         Raises
@@ -168,7 +172,8 @@ class ArduPilotFirmware(LockstepFirmware):
             If ArduPilot cannot fly the drone, or a port is in use.
         """
         motors, more = motors_of(drone), PORT_STEP * number
-        return cls(JsonLink(SIMULATOR_PORT + more), companion_line(COMPANION_PORT + more), motors)
+        simulator = JsonLink(SIMULATOR_PORT + more)
+        return cls(simulator, companion_line(COMPANION_PORT + more), motors, sensors)
 
     @property
     def is_lost(self) -> bool:
@@ -186,7 +191,7 @@ class ArduPilotFirmware(LockstepFirmware):
         ArduPilot reads its gyroscopes at 1 kHz, so it gets several equal samples per step.
         """
         self._beat()
-        if is_placed:
+        if is_placed and not self._is_gps:
             self._companion.send(
                 odometry_frame(self._writer, round(1e6 * self._time), state, FRAME_LOCAL_FRD)
             )
@@ -207,7 +212,8 @@ class ArduPilotFirmware(LockstepFirmware):
     def _has_settled(self, place: Array) -> bool:
         if self._is_due():
             self._command(SET_INTERVAL, _LOCAL_POSITION, 2e4)
-            self.send('SET_GPS_GLOBAL_ORIGIN', target_system=1, **_ORIGIN)
+            if not self._is_gps:
+                self.send('SET_GPS_GLOBAL_ORIGIN', target_system=1, **_ORIGIN)
         return super()._has_settled(place)
 
     def _take_off(self) -> None:

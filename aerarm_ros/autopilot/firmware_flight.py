@@ -22,7 +22,7 @@ from aerarm_ros.autopilot.mavlink_line import (
     UdpLine,
     udp_socket,
 )
-from aerarm_ros.autopilot.px4 import Px4SetPoints, frd_rotation, ned
+from aerarm_ros.autopilot.px4 import GPS, Px4SetPoints, frd_rotation, ned
 from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
@@ -111,11 +111,15 @@ class LockstepFirmware(ABC):
     ----------
     companion
         Connection to the firmware as a companion computer.
+    sensors : str
+        One of `px4.SENSORS`, the source of the firmware's position.
 
     Attributes
     ----------
     texts : list of str
         Messages of the firmware, the newest last, such as rejections of set points.
+    origin : (3,) ndarray
+        Origin of the world in the firmware's local frame, east-north-up [m].
     rise : float
         Height [m] above the held drone to which the first set points lead it.
     """
@@ -128,18 +132,22 @@ class LockstepFirmware(ABC):
     _mode_shift = 0  # bit of the custom mode at which the mode begins
     _arms_on_set_points = False
     _settling: float  # [s] with a position near the true one before arming
-    _near = np.inf  # [m] between the firmware's position and the true one
+    _near = np.inf  # [m] between the firmware's position and the true one, without GPS
+    _averaged = 1  # number of positions whose mean error is `origin`, with GPS
     # A message that contains one of these is shown before the flight.
     _worries: tuple[str, ...] = ('',)
 
-    def __init__(self, companion: UdpLine) -> None:
+    def __init__(self, companion: UdpLine, sensors: str) -> None:
         self._companion = companion
+        self._is_gps = sensors == GPS
         self._writer = CompanionWriter()
         self._time = 0.0
         self._asked = self._beat_at = -1.0
         self._place: Array | None = None
         self._placed: float | None = None  # time since which the position is near the true one
+        self._offsets: list[Array] = []  # errors of the position while the firmware settles
         self._mode = self._flags = 0
+        self.origin = np.zeros(3)
         self.stage = FlightStage.BOOT
         self.texts: list[str] = []
 
@@ -219,11 +227,19 @@ class LockstepFirmware(ABC):
 
     def _has_settled(self, place: Array) -> bool:
         """Return whether the firmware has long known its position, the true one (NED) [m]."""
-        if self._place is None or np.linalg.norm(self._place - place) > self._near:
+        if self._place is None:
+            return False
+        offset = self._place - place
+        if not self._is_gps and np.linalg.norm(offset) > self._near:
             self._placed = None
             return False
         self._placed = self._time if self._placed is None else self._placed
-        return self._time - self._placed > self._settling * self._second
+        self._offsets.append(offset)
+        if self._time - self._placed <= self._settling * self._second:
+            return False
+        if self._is_gps:  # otherwise the firmware's frame is that of the odometry
+            self.origin = ned(np.mean(self._offsets[-self._averaged :], axis=0))
+        return True
 
     def _is_armed(self) -> bool:
         """Return whether the firmware is armed and drives its rotors."""
@@ -348,6 +364,8 @@ class FirmwareFlight:
 
     def _lead(self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward) -> None:
         self._above *= float(np.exp(-dt / _LOWERING))
-        above = target._replace(position=target.position + self._above * _UP)
+        origin = self._firmware.origin
+        state = state._replace(position=state.position + origin)
+        above = target._replace(position=target.position + origin + self._above * _UP)
         name, values = self._set_points.message(state, above, dt, arm)
         self._firmware.send(name, time_boot_ms=self._firmware.time_ms, **values)

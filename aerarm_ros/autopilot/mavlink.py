@@ -39,6 +39,8 @@ _DEFINITIONS = """
     abs_pressure diff_pressure pressure_alt temperature, uint16_t fields_updated; uint8_t id
 107 HIL_SENSOR: uint64_t time_usec, float xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag
     abs_pressure diff_pressure pressure_alt temperature, uint32_t fields_updated; uint8_t id
+113 HIL_GPS: uint64_t time_usec, uint8_t fix_type, int32_t lat lon alt, uint16_t eph epv vel,
+    int16_t vn ve vd, uint16_t cog, uint8_t satellites_visible; uint8_t id, uint16_t yaw
 111 TIMESYNC: int64_t tc1 ts1; uint8_t target_system target_component
 253 STATUSTEXT: uint8_t severity, char[50] text; uint16_t id, uint8_t chunk_seq
 331 ODOMETRY: uint64_t time_usec, uint8_t frame_id child_frame_id, float x y z, float[4] q, float vx
@@ -48,7 +50,7 @@ _DEFINITIONS = """
 """
 _CODES = {
     'uint64_t': 'Q', 'uint32_t': 'I', 'uint16_t': 'H', 'uint8_t': 'B', 'int64_t': 'q',
-    'int32_t': 'i', 'int8_t': 'b', 'float': 'f', 'char': 's',
+    'int32_t': 'i', 'int16_t': 'h', 'int8_t': 'b', 'float': 'f', 'char': 's',
 }  # fmt: skip
 _TURNED = bytes(int(f'{byte:08b}'[::-1], 2) for byte in range(256))
 _START_1, _START_2 = 0xFE, 0xFD

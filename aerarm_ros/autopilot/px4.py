@@ -24,6 +24,9 @@ _WORLD = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _BODY = np.array([1.0, -1.0, -1.0])
 _NO_TORQUE = 1e-3  # smallest entry of a rotor in PX4's mixer
 
+VISION, GPS = SENSORS = 'vision', 'gps'
+"""Position sources of the autopilot: odometry, as from motion capture, or a GPS receiver."""
+
 
 def ned(vector: npt.ArrayLike) -> Array:
     """Convert a vector (3,) between east-north-up and north-east-down axes."""

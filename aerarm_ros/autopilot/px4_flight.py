@@ -22,7 +22,7 @@ from aerarm_ros.autopilot.firmware_flight import (
 )
 from aerarm_ros.autopilot.mavlink import FrameReader, Message
 from aerarm_ros.autopilot.mavlink_line import ARMED, HOST, CompanionWriter, UdpLine
-from aerarm_ros.autopilot.px4 import frd_rotation
+from aerarm_ros.autopilot.px4 import GPS, VISION, frd_rotation, ned
 from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY
 from aerarm_ros.flight.flight_state import FlightState
@@ -36,13 +36,15 @@ STEP_US = 4000
 _CHUNK = 65536
 _BOOT, _ANSWER = 0.02, 2.0  # [s] of this host: before PX4's first answer, and after it
 _LISTEN = 0.05  # [s]
-# Height of the emulated world [m], and its magnetic field, north-east-down [gauss], from PX4's own
-# world model in 2026.
-_HEIGHT = 488.0
+# Origin of the emulated world: latitude, longitude [deg], height [m], and the magnetic field,
+# north-east-down [gauss], from PX4's own world model in 2026.
+_ORIGIN = 47.397742, 8.545594, 488.0
 _FIELD = np.array([0.2152, 0.0120, 0.4306])
+_EARTH = 6371000.0  # [m], as in PX4's projection
 _IMU_FIELDS, _MAG_FIELDS, _BARO_FIELDS = 0x3F, 0x1C0, 0x1A00
-_SLOW_EVERY = 5  # in HIL_SENSOR messages: 50 Hz
+_GPS_EVERY, _SLOW_EVERY = 25, 5  # in HIL_SENSOR messages: 10 Hz, 50 Hz
 _MAG_NOISE, _PRESSURE_NOISE = 0.002, 0.02  # [gauss], [hPa]
+_GPS_NOISE = 0.02  # [m], [m/s]
 
 
 class Controls(NamedTuple):
@@ -148,15 +150,21 @@ class SimulatorLink:
 
 
 class SensorFrames:
-    """Encodes sensor data for PX4, and emulates magnetometer and barometer.
+    """Encodes sensor data for PX4, and emulates magnetometer, barometer and GPS receiver.
 
-    Accelerometer, gyroscope and odometry keep the noise of their input. Magnetometer and barometer
-    get their own noise. PX4 treats equal IMU samples as a sensor fault. The samples of a held drone
-    are equal, so `is_held` adds noise to the IMU.
+    Accelerometer, gyroscope and odometry keep the noise of their input. Magnetometer, barometer and
+    GPS receiver get their own noise. PX4 treats equal IMU samples as a sensor fault. The samples of
+    a held drone are equal, so `is_held` adds noise to the IMU.
+
+    Parameters
+    ----------
+    sensors : str
+        One of `px4.SENSORS`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, sensors: str) -> None:
         self._writer = CompanionWriter()
+        self._is_gps = sensors == GPS
         self._random = np.random.default_rng(0)
         self._count = 0
         self._before: FlightState | None = None
@@ -165,13 +173,17 @@ class SensorFrames:
     def frames(
         self, time_us: int, state: FlightState, is_placed: bool = True, is_held: bool = False
     ) -> list[bytes]:
-        """Return the sensor messages at `time_us` [us]: odometry first, then other sensors.
+        """Return the sensor messages at `time_us` [us]: position first, then other sensors.
 
-        The odometry is that of the previous sample. Without `is_placed` it is left out.
+        The position is that of the previous sample, as odometry, or as a GPS reading in every 25th
+        call. Without `is_placed` the position is left out.
         """
         frames = []
         if self._before is not None and is_placed:
-            frames.append(odometry_frame(self._writer, self._before_us, self._before))
+            if not self._is_gps:
+                frames.append(odometry_frame(self._writer, self._before_us, self._before))
+            elif self._count % _GPS_EVERY == 0:
+                frames.append(self._gps(self._before))
         frames.append(self._sensors(time_us, state, is_held))
         self._before, self._before_us = state, time_us
         self._count += 1
@@ -195,12 +207,27 @@ class SensorFrames:
         if self._count % _SLOW_EVERY == 0:
             field = frd_rotation(state.rotation).T @ _FIELD + self._noise(_MAG_NOISE)
             values.update(zip(('xmag', 'ymag', 'zmag'), field.tolist(), strict=True))
-            height = _HEIGHT + float(state.position[2])
+            height = _ORIGIN[2] + float(state.position[2])
             pressure = 1013.25 * (1.0 - 2.25577e-5 * height) ** 5.25588
             values['abs_pressure'] = pressure + float(self._noise(_PRESSURE_NOISE)[0])
             values['pressure_alt'], values['temperature'] = height, 15.0
             fields |= _MAG_FIELDS | _BARO_FIELDS
         return self._writer.pack('HIL_SENSOR', time_usec=time_us, fields_updated=fields, **values)
+
+    def _gps(self, state: FlightState) -> bytes:
+        north, east, down = (ned(state.position) + self._noise(_GPS_NOISE)).tolist()
+        velocity = 100.0 * (ned(state.velocity) + self._noise(_GPS_NOISE))
+        vn, ve, vd = (int(value) for value in velocity.round())
+        latitude, longitude, height = _ORIGIN
+        shrunk = _EARTH * np.cos(np.radians(latitude))
+        return self._writer.pack(
+            'HIL_GPS', time_usec=self._before_us, fix_type=6,
+            lat=round(1e7 * (latitude + np.degrees(north / _EARTH))),
+            lon=round(1e7 * (longitude + np.degrees(east / shrunk))),
+            alt=round(1e3 * (height - down)), eph=round(100 * _GPS_NOISE),
+            epv=round(100 * _GPS_NOISE), vel=int(np.hypot(vn, ve)), vn=vn, ve=ve, vd=vd, cog=65535,
+            satellites_visible=20,
+        )  # fmt: skip
 
 
 class Px4Firmware(LockstepFirmware):
@@ -208,29 +235,36 @@ class Px4Firmware(LockstepFirmware):
 
     PX4's clock is set by the stamps of the sensor messages. That clock continues while the
     simulation pauses and holds the drone. PX4's estimator and rotors need seconds to start.
+
+    Parameters
+    ----------
+    sensors : str
+        One of `px4.SENSORS`.
     """
 
     # PX4 takes off only toward a distant set point. PX4 would take the lift of a drone that does
     # not rise for its hover thrust, so the lift must soon exceed the weight.
     rise = 0.3
     _name, _system, _second, _settling = 'PX4', 0, 1e6, 2.0
+    _averaged = 250  # 1 s
     _led, _mode_shift = 6, 16  # the main mode offboard
     _arms_on_set_points = True
     _worries = ('Arming denied', 'Preflight')
 
-    def __init__(self, simulator: SimulatorLink, companion: UdpLine) -> None:
-        super().__init__(companion)
+    def __init__(self, simulator: SimulatorLink, companion: UdpLine, sensors: str = VISION) -> None:
+        super().__init__(companion, sensors)
         self._simulator = simulator
-        self._frames = SensorFrames()
+        self._frames = SensorFrames(sensors)
         self._time, self._beat_at, self._sent = float(STEP_US), 0.0, 0
         self._is_heard = False
         self._controls: Controls | None = None
 
     @classmethod
-    def instance(cls, number: int) -> Px4Firmware:
+    def instance(cls, number: int, sensors: str = VISION) -> Px4Firmware:
         """Return the connection to PX4's instance `number`; raise ValueError if a port is used."""
+        simulator = SimulatorLink(SIMULATOR_PORT + number)
         companion = companion_line(COMPANION_PORT + number, OFFBOARD_PORT + number)
-        return cls(SimulatorLink(SIMULATOR_PORT + number), companion)
+        return cls(simulator, companion, sensors)
 
     @property
     def is_lost(self) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from aerarm_ros.autopilot.ardupilot import FRAMES, ArduPilotSetup, motors_of
 from aerarm_ros.autopilot.ardupilot_flight import COMPANION_PORT, PORT_STEP
-from aerarm_ros.autopilot.px4 import Px4Gains, hover_share
+from aerarm_ros.autopilot.px4 import GPS, VISION, Px4Gains, hover_share
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import MassProperties
 
@@ -122,6 +122,10 @@ _PX4_VISION = {
     'EKF2_MAG_TYPE': 5, 'EKF2_EV_NOISE_MD': 0, 'EKF2_EVP_NOISE': 0.01, 'EKF2_EVV_NOISE': 0.01,
     'EKF2_EVA_NOISE': 0.05, 'EKF2_EV_DELAY': 0.0, 'SYS_HAS_GPS': 0, 'SYS_HAS_MAG': 0,
 }  # fmt: skip
+_PX4_GPS = {
+    'EKF2_EV_CTRL': 0, 'EKF2_HGT_REF': 1, 'EKF2_GPS_CTRL': 7, 'EKF2_MAG_TYPE': 0,
+    'EKF2_GPS_DELAY': 0.0, 'EKF2_REQ_GPS_H': 2.0,
+}  # fmt: skip
 # No manual control, no ground station, a battery that does not drain; one IMU. The last parameter
 # keeps PX4 armed while the drone is held.
 _PX4_BENCH = {
@@ -200,7 +204,7 @@ class Px4AllGains(Px4Gains):
 
 
 def px4_parameters(
-    gains: Px4AllGains, drone: DroneConfig, body: MassProperties
+    gains: Px4AllGains, drone: DroneConfig, body: MassProperties, sensors: str = VISION
 ) -> dict[str, float]:
     """Return all PX4 parameters for a drone as a mapping from their names.
 
@@ -209,6 +213,8 @@ def px4_parameters(
     body : MassProperties
         Mass properties of drone and arm at rest, because PX4's lever arms begin at the centre of
         mass.
+    sensors : str
+        One of `px4.SENSORS`.
 
     Raises
     ------
@@ -222,7 +228,7 @@ def px4_parameters(
         )
     return {
         **_PX4_BENCH,
-        **_PX4_VISION,
+        **(_PX4_GPS if sensors == GPS else _PX4_VISION),
         **_geometry(drone, body),
         'MPC_THR_HOVER': hover_share(drone, body),
         **_gains(gains),
@@ -275,6 +281,8 @@ class Px4Program(FirmwareProgram):
         Gains of PX4.
     instance : int
         Instance number, which determines the ports.
+    sensors : str
+        One of `px4.SENSORS`.
 
     Raises
     ------
@@ -284,11 +292,11 @@ class Px4Program(FirmwareProgram):
 
     def __init__(
         self, build: Path, folder: Path, drone: DroneConfig, body: MassProperties,
-        gains: Px4AllGains, instance: int = 0,
+        gains: Px4AllGains, instance: int = 0, sensors: str = VISION,
     ) -> None:  # fmt: skip
         super().__init__(folder, 'px4.log')
         self._build, self._instance = build.resolve(), instance
-        self._parameters = px4_parameters(gains, drone, body)
+        self._parameters = px4_parameters(gains, drone, body, sensors)
 
     def command(self) -> tuple[list[str], dict[str, str]]:
         """Return command line and environment."""
@@ -333,7 +341,9 @@ _ARDUPILOT_BENCH = {
 }  # fmt: skip
 
 
-def ardupilot_parameters(drone: DroneConfig, body: MassProperties) -> dict[str, float]:
+def ardupilot_parameters(
+    drone: DroneConfig, body: MassProperties, sensors: str = VISION
+) -> dict[str, float]:
     """Return all ArduCopter parameters for a drone as a mapping from their names.
 
     Raises
@@ -351,7 +361,7 @@ def ardupilot_parameters(drone: DroneConfig, body: MassProperties) -> dict[str, 
         gains[f'ATC_RAT_{axis}_FLTD'] = gains[f'ATC_RAT_{axis}_FLTT'] = 40.0
     return {
         **_ARDUPILOT_BENCH,
-        **_ARDUPILOT_VISION,
+        **({} if sensors == GPS else _ARDUPILOT_VISION),
         'FRAME_CLASS': FRAMES[drone.n][0],
         'FRAME_TYPE': 1,  # X
         'MOT_THST_HOVER': hover_share(drone, body),
@@ -384,6 +394,8 @@ class ArduPilotProgram(FirmwareProgram):
         Instance number, which determines the ports.
     port : int
         UDP port to which ArduCopter opens a second MAVLink connection; 0 for none.
+    sensors : str
+        One of `px4.SENSORS`.
 
     Raises
     ------
@@ -393,11 +405,11 @@ class ArduPilotProgram(FirmwareProgram):
 
     def __init__(
         self, program: Path, folder: Path, drone: DroneConfig, body: MassProperties,
-        instance: int = 0, port: int = 0,
+        instance: int = 0, port: int = 0, sensors: str = VISION,
     ) -> None:  # fmt: skip
         super().__init__(folder, 'ardupilot.log')
         self._program, self._instance, self._port = program.resolve(), instance, port
-        self._parameters = ardupilot_parameters(drone, body)
+        self._parameters = ardupilot_parameters(drone, body, sensors)
 
     def command(self) -> tuple[list[str], dict[str, str]]:
         """Write the parameters; return command line and environment."""

@@ -30,9 +30,17 @@ from aerarm_ros.autopilot.ardupilot_flight import (
     motor_shares,
     sensor_line,
 )
-from aerarm_ros.autopilot.firmware_flight import FirmwareFlight, LockstepFirmware, companion_line
-from aerarm_ros.autopilot.px4_flight import Px4Firmware, SimulatorLink
+from aerarm_ros.autopilot.firmware_flight import (
+    FirmwareFlight,
+    FlightStage,
+    LockstepFirmware,
+    companion_line,
+)
+from aerarm_ros.autopilot.mavlink import FrameReader
+from aerarm_ros.autopilot.px4 import GPS, VISION, ned
+from aerarm_ros.autopilot.px4_flight import Px4Firmware, SensorFrames, SimulatorLink
 from aerarm_ros.description.drone_config import GRAVITY
+from aerarm_ros.flight.arm_load import FeedForward
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 
 TARGET = FlightTarget.here(STILL)
@@ -48,14 +56,14 @@ def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
         return int(probe.getsockname()[1])
 
 
-def firmware_of(name: str) -> tuple[LockstepFirmware, tuple[int, int, int]]:
+def firmware_of(name: str, sensors: str = VISION) -> tuple[LockstepFirmware, tuple[int, int, int]]:
     """Return a firmware, and the ports of simulator, companion and PX4."""
     if name == ARDUPILOT:
         ports = free_port(), free_port(), 0
         line = companion_line(ports[1])
-        return ArduPilotFirmware(JsonLink(ports[0]), line, motors_of(DRONE)), ports
+        return ArduPilotFirmware(JsonLink(ports[0]), line, motors_of(DRONE), sensors), ports
     ports = free_port(socket.SOCK_STREAM), free_port(), free_port()
-    return Px4Firmware(SimulatorLink(ports[0]), companion_line(*ports[1:])), ports
+    return Px4Firmware(SimulatorLink(ports[0]), companion_line(*ports[1:]), sensors), ports
 
 
 @pytest.fixture
@@ -158,6 +166,57 @@ def test_a_recording_of_the_replay_is_the_recording(name: str, staged: Stage) ->
         assert (found.sent, found.companion) == (expected.sent, expected.companion)
         assert found.answers == expected.answers
     assert frames(steps[:200])[-20:] == frames(replay.steps[:200])[-20:]
+
+
+@pytest.mark.parametrize('sensors', [VISION, GPS])
+@both
+def test_with_gps_the_set_points_are_in_the_frame_of_the_firmware(
+    name: str, sensors: str, monkeypatch
+) -> None:
+    firmware, _ = firmware_of(name, sensors)
+    here, off = STILL._replace(position=np.array([1.0, 2.0, 0.5])), np.array([0.03, -0.04, 0.05])
+    off *= 100.0 if sensors == GPS else 1.0
+    sent: dict[str, dict] = {}
+    monkeypatch.setattr(firmware, 'send', lambda name, **values: sent.update({name: values}))
+    monkeypatch.setattr(firmware, '_held_step', lambda state: None)
+    firmware.stage, firmware._place = FlightStage.SETTLE, ned(here.position) + off
+    for _ in range(2):
+        firmware.hold(here, 1.0)
+        firmware._time += 4.0 * firmware._second
+    assert firmware.stage is FlightStage.ARM
+    assert ('SET_GPS_GLOBAL_ORIGIN' in sent) == (name == ARDUPILOT and sensors == VISION)
+    flight(firmware)._lead(here, FlightTarget.here(here), 0.0, FeedForward.at_rest(BODY))
+    target = sent['SET_POSITION_TARGET_LOCAL_NED']
+    expected = ned(here.position) + (off if sensors == GPS else 0.0) - [0.0, 0.0, firmware.rise]
+    np.testing.assert_allclose([target[axis] for axis in 'xyz'], expected)
+    # ArduPilot receives its odometry as a companion's message; PX4 with its other sensors.
+    frames: list[bytes] = []
+    monkeypatch.setattr(firmware._companion, 'send', frames.append)
+    firmware.step(here, 0.004)
+    names = [message.name for message in FrameReader().feed(b''.join(frames))]
+    assert ('ODOMETRY' in names) == (name == ARDUPILOT and sensors == VISION)
+    firmware.close()
+
+
+def test_px4_receives_its_position_as_odometry_or_from_satellites() -> None:
+    place, velocity = np.array([30.0, 40.0, 5.0]), np.array([3.0, 4.0, 2.0])
+    moving = STILL._replace(position=place, velocity=velocity)
+    for sensors, name, count in ((VISION, 'ODOMETRY', 50), (GPS, 'HIL_GPS', 2)):
+        frames = SensorFrames(sensors)
+        data = b''.join(b''.join(frames.frames(4000 * (i + 1), moving)) for i in range(51))
+        found = [message for message in FrameReader().feed(data) if message.name != 'HIL_SENSOR']
+        assert [message.name for message in found] == [name] * count
+    one = found[-1]
+    assert one['time_usec'] == 4000 * 50
+    degree = np.radians(6.371e6)  # [m] on a meridian
+    north, east = degree * (1e-7 * np.array([one['lat'], one['lon']]) - [47.397742, 8.545594])
+    found_place = [east * np.cos(np.radians(47.397742)), north, 1e-3 * one['alt'] - 488.0]
+    np.testing.assert_allclose(found_place, place, atol=0.1)
+    np.testing.assert_allclose([one['vn'], one['ve'], one['vd']], [400, 300, -200], atol=10)
+    assert one['vel'] == pytest.approx(500, abs=10)
+    nowhere = SensorFrames(GPS)
+    data = b''.join(b''.join(nowhere.frames(4000 * i, moving, is_placed=False)) for i in range(51))
+    assert {message.name for message in FrameReader().feed(data)} == {'HIL_SENSOR'}
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from firmware_recording import BODY, DRONE, GAINS
-from flying.firmware_program import px4_parameters
+from flying.firmware_program import ardupilot_parameters, px4_parameters
 
 from aerarm_ros.autopilot.px4 import (
     Px4Gains,
@@ -76,6 +76,14 @@ def test_the_parameters_are_those_of_the_drone_file() -> None:
     assert (found['CA_ROTOR_COUNT'], found['PWM_MAIN_FUNC6']) == (DRONE.n, 106)
     assert (found['EKF2_IMU_POS_X'], found['EKF2_IMU_POS_Z']) == (0.03, -0.02)
     assert (found['MC_ROLL_P'], found['MC_PITCHRATE_K'], found['MPC_XY_P']) == (6.5, 2.0, 1.5)
+
+
+def test_the_position_source_of_both_firmwares_is_a_choice() -> None:
+    names = 'EKF2_EV_CTRL', 'EKF2_GPS_CTRL'
+    for sensors, expected in (('vision', [15, 0]), ('gps', [0, 7])):
+        found = px4_parameters(GAINS, DRONE, BODY, sensors)
+        assert [found[name] for name in names] == expected
+        assert ('VISO_TYPE' in ardupilot_parameters(DRONE, BODY, sensors)) == (sensors == 'vision')
 
 
 def test_what_px4_cannot_fly_is_named() -> None:

@@ -8,7 +8,14 @@ from aerarm_ros.autopilot.ardupilot import ArduPilotSetPoints, ArduPilotSetup
 from aerarm_ros.autopilot.ardupilot_flight import ArduPilotFirmware
 from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight, BetaflightLink
 from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
-from aerarm_ros.autopilot.px4 import Px4Gains, Px4SetPoints, hover_share, tilt_ahead
+from aerarm_ros.autopilot.px4 import (
+    SENSORS,
+    VISION,
+    Px4Gains,
+    Px4SetPoints,
+    hover_share,
+    tilt_ahead,
+)
 from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import DroneConfig
@@ -48,6 +55,10 @@ FLIGHT_PARAMETERS = (
         Parameter(
             'autopilot_instance', 0, 'instance number of the PX4 program (its option -i) or of the '
                 'ArduPilot program (its option -I)', '', 0, 250
+        ),
+        Parameter(
+            'autopilot_sensors', VISION, 'source of the position of PX4 or ArduPilot: vision '
+                '(odometry) or gps (simulated GPS receiver)', choices=SENSORS,
         ),
         Parameter('mc_att_p', Px4Gains.mc_att_p, "PX4's attitude gains MC_ROLL_P and "
                                                  'MC_PITCH_P', '1/s', 0.5, 30.0),
@@ -124,16 +135,16 @@ def _px4_firmware(
     px4 = Px4Gains(**{name: getattr(values, name) for name in names})
     acceleration = tilt_ahead(px4, drone) if values.tilt_ahead else None
     set_points = Px4SetPoints(drone, flight_gains(values), acceleration, values.hold_heading)
-    firmware = Px4Firmware.instance(values.autopilot_instance)
+    firmware = Px4Firmware.instance(values.autopilot_instance, values.autopilot_sensors)
     return FirmwareFlight(drone, body, firmware, set_points)
 
 
 def _ardupilot_firmware(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> FirmwareFlight:
-    setup = ArduPilotSetup()
+    setup, number = ArduPilotSetup(), values.autopilot_instance
     hover_share(drone, body)  # checks that ArduPilot can lift the drone
-    firmware = ArduPilotFirmware.instance(values.autopilot_instance, drone)
+    firmware = ArduPilotFirmware.instance(number, drone, values.autopilot_sensors)
     acceleration = setup.tilt_ahead(drone) if values.tilt_ahead else SetPointAcceleration()
     set_points = ArduPilotSetPoints(setup.loop, acceleration, values.hold_heading)
     return FirmwareFlight(drone, body, firmware, set_points)
