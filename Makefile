@@ -90,7 +90,7 @@ calibration: setup
 
 flight: setup
 	$(if $(filter-out px4 ardupilot betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT) is unknown: set px4, ardupilot or betaflight, or omit AUTOPILOT for flight_control))
-	$(BIN)/python benchmarks/$(or $(AUTOPILOT),flight).py $(if $(DRONES),--drones $(DRONES)) --out output/flight
+	$(BIN)/python benchmarks/$(if $(AUTOPILOT),firmware.py --autopilot $(AUTOPILOT),flight.py) $(if $(DRONES),--drones $(DRONES)) --out output/flight
 
 world: setup
 	$(BIN)/python benchmarks/world.py --out output/world

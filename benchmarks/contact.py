@@ -19,8 +19,7 @@ import rclpy
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_bench import QUICK_LEAD, FlightBench
-from flying.flight_case import FlightCase
-from flying.flight_way import WAYS, load_drone
+from flying.flight_case import WAYS, FlightCase, load_drone
 from flying.node_bench import PATIENCE, ros_node
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node

@@ -21,10 +21,8 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from energy_moves.energy_bench import EnergyBench, Taken
-from energy_moves.energy_figures import figures
-from energy_moves.energy_page import energy_page
-from energy_moves.move import SHAPES, Move, draw_moves
+from energy_moves.energy_bench import SHAPES, EnergyBench, Move, Taken, draw_moves
+from energy_moves.energy_figures import energy_page, figures
 from flying.arm_model import ArmModel
 from flying.node_bench import ros_node
 from flying.pages import write_page
@@ -69,8 +67,7 @@ def measure(folder: Path, options: argparse.Namespace) -> Iterator[tuple[list[Ta
     """Yield results of the moves so far, and rejected moves."""
     arm = ArmModel.chosen(options, folder)
     model, planner = known(arm)
-    low, high = planner.limits.position_min, planner.limits.position_max
-    drawn = draw_moves(planner, low, high, options.seed, options.durations)
+    drawn = draw_moves(planner, options.seed, options.durations)
     pairs = list(enumerate(islice(drawn, (options.moves + 1) // 2)))[options.first // 2 :]
     for first in range(0, len(pairs), BATCH):
         part = folder / f'part_{first // BATCH}'

@@ -11,24 +11,19 @@ import re
 import signal
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
-import ardupilot
 import numpy as np
-import px4
-from flying.ardupilot_program import find_ardupilot
+from firmware import BEST, HOW, flying, parse
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_bench import FlightBench
+from flying.flight_case import load_drone
 from flying.flight_record import LOST
-from flying.flight_way import load_drone
 from flying.node_bench import FAILURES as ERRORS
 from flying.node_bench import reason, ros_node
-from flying.px4_program import HOW, find_px4
-from px4 import Flying, options_of
 from rclpy.node import Node
 
-WAY, DRONE = 'posture, motion, lead', 'hexarotor'
+DRONE = 'hexarotor'
 _WHEN, _LENGTH, _RAMP = 3.0, 10.0, 1.0  # [s]
 _AT_TOOL = [0.1, 0.0, 0.0]  # [m]
 # Messages of PX4 or ArduCopter on a rejected set point or a failsafe.
@@ -54,11 +49,9 @@ FAILURES: dict[str, Callable[[FlightBench], None]] = {
 }
 
 
-def fail(
-    node: Node, build: Path, flying: Flying, options: argparse.Namespace, name: str
-) -> str:  # fmt: skip
+def fail(node: Node, options: argparse.Namespace, name: str) -> str:
     """Return a line with the results of one failure."""
-    with flying(node, build, load_drone(DRONE), WAY, ArmModel.true(), options, 0) as (bench, log):
+    with flying(node, load_drone(DRONE), BEST, ArmModel.true(), options) as (bench, log):
         motion = ArmSwing('slow', _LENGTH, _RAMP)
         begin, now, is_done = bench.begin(motion), -np.inf, False
         while now < begin + motion.duration and bench.listener.farthest < LOST:
@@ -81,20 +74,15 @@ def fail(
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--failures', nargs='*', default=list(FAILURES), choices=list(FAILURES))
-    options_of(parser)
-    options = parser.parse_args()
-    build = find_px4()
-    flying: Flying = px4.flying
-    if build is None:
-        build, flying = find_ardupilot(), ardupilot.flying
-    if build is None:
-        print(f'{HOW}. The same holds for ArduPilot: set ARDUPILOT=<folder of ArduPilot>')
+    options = parse(parser)
+    if options.program is None:
+        print(HOW[options.autopilot])
         return 1
     print(f'{"distance [mm]":52} before  after    end  reports')
     with ros_node() as node:
         for name in options.failures:
             try:
-                print(fail(node, build, flying, options, name), flush=True)
+                print(fail(node, options, name), flush=True)
             except ERRORS as error:
                 print(f'{name}: {reason(error)}', flush=True)
     return 0

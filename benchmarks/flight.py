@@ -15,57 +15,21 @@ import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
 from flying.arm_model import ArmModel
+from flying.arm_swing import PARTS, FlightProgram
 from flying.flight_bench import FlightBench
-from flying.flight_case import FlightCase
-from flying.flight_page import report
-from flying.flight_program import PARTS, FlightProgram
+from flying.flight_case import DRONES, WAYS, FlightCase, load_drone, ways_of
 from flying.flight_record import FlightRecord
-from flying.flight_way import DRONES, WAYS, load_drone, ways_of
+from flying.flight_results import report
 from flying.node_bench import FAILURES, reason, ros_node
 from rclpy.node import Node
 
 Records = dict[str, FlightRecord | str]
 # A flight in lockstep waits for its slowest process, which leaves cores idle.
 AT_ONCE = (os.cpu_count() or 1) + 1
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Settings common to all drones.
-
-    Attributes
-    ----------
-    parts : tuple of str
-        Parts of the flight program.
-    latency : float
-        Delay of odometry and IMU [s].
-    frequencies : tuple of float
-        Position and attitude frequencies [rad/s] that replace the tuned ones; empty to keep them.
-    """
-
-    parts: tuple[str, ...]
-    latency: float
-    frequencies: tuple[float, ...]
-
-    @property
-    def sensors(self) -> tuple[tuple[str, object], ...]:
-        """Parameters of the emulated sensors."""
-        late = self.latency
-        return (('imu_delay', late), ('odometry_delay', late)) if late else ()
-
-    @property
-    def gains(self) -> dict[str, object]:
-        """Parameters of the flight controller that replace the tuned ones."""
-        if not self.frequencies:
-            return {}
-        position, attitude = self.frequencies
-        names = 'position_frequency', 'height_frequency', 'attitude_frequency'
-        return dict(zip(names, (position, position, attitude), strict=True))
 
 
 def jobs(names: list[str], ways: list[str]) -> list[tuple[str, list[str]]]:
@@ -82,31 +46,39 @@ def jobs(names: list[str], ways: list[str]) -> list[tuple[str, list[str]]]:
     return [(name, flown) for (name, _), flown in by_length]
 
 
-def fly(number: int, name: str, ways: list[str], arm: ArmModel, settings: Settings) -> Records:
+def fly(
+    number: int, name: str, ways: list[str], arm: ArmModel, options: argparse.Namespace
+) -> Records:
     """Return the records of one drone's flights, or the reason of a failure."""
     found: Records = {}
     with ros_node(number) as node:
         while left := [way for way in ways if way not in found]:
-            fly_until_lost(node, name, left, arm, settings, found)
+            fly_until_lost(node, name, left, arm, options, found)
     return found
 
 
 def fly_until_lost(
-    node: Node, name: str, ways: list[str], arm: ArmModel, settings: Settings, found: Records
-) -> None:
+    node: Node, name: str, ways: list[str], arm: ArmModel, options: argparse.Namespace,
+    found: Records,
+) -> None:  # fmt: skip
     """Fly all methods in one simulation, until the drone is lost."""
-    drone, program = load_drone(name), FlightProgram(parts=settings.parts)
+    drone, program, late = load_drone(name), FlightProgram(parts=options.parts), options.latency
     flown, first = ways[0], WAYS[ways[0]]
-    flight = {**first.parameters(name), **settings.gains, **arm.drawing}
+    flight = {**first.parameters(name), **arm.drawing}
+    if options.frequencies:
+        position, attitude = options.frequencies
+        flight |= {'position_frequency': position, 'height_frequency': position}
+        flight['attitude_frequency'] = attitude
     case = FlightCase(
-        drone.mass, 'free', drone=drone, sensors=settings.sensors, is_told=first.is_told,
+        drone.mass, 'free', drone=drone, is_told=first.is_told,
+        sensors=(('imu_delay', late), ('odometry_delay', late)) if late else (),
         flight=tuple(flight.items()), told=(('rate', 1.0),), is_touched=False,
     )  # fmt: skip
     try:
         with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
             bench = FlightBench(stack, node, Path(folder), case, arm)
             for flown in ways:
-                bench.switch(WAYS[flown].later(settings.latency).switches)
+                bench.switch(WAYS[flown].later(late).switches)
                 record = found[flown] = bench.fly(program)
                 print(f'{name}, {flown}: {"lost" if record.is_lost else "flown"}', flush=True)
                 if record.is_lost:
@@ -144,7 +116,6 @@ def main() -> int:
     )
     parser.add_argument('--out', type=Path, help='folder for the page')
     options = parser.parse_args()
-    settings = Settings(tuple(options.parts), options.latency, tuple(options.frequencies))
     first = os.getpid()  # process ids of workers may differ by less than the number of flights
     context = get_context('spawn')
     with (
@@ -155,7 +126,7 @@ def main() -> int:
         if options.wrong:
             arm = arm.with_errors(options.wrong, options.wrong_seed, Path(folder))
         flights = [
-            (name, pool.submit(fly, number, name, ways, arm, settings))
+            (name, pool.submit(fly, number, name, ways, arm, options))
             for number, (name, ways) in enumerate(jobs(options.drones, options.ways), first)
         ]
         found: dict[str, Records] = {name: {} for name in options.drones}

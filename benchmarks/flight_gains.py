@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 import yaml
-from flying.flight_program import FlightProgram
-from flying.flight_way import DRONES, height_frequency, load_drone
+from flying.arm_swing import FlightProgram
+from flying.compared_flight import DisturbanceObserver, IncrementalEstimate, RejectingFlight
+from flying.firmware_program import Px4AllGains
+from flying.flight_case import DRONES, height_frequency, load_drone
 from flying.px4_loops import Px4Flight
-from flying.px4_program import Px4AllGains
-from flying.rejection import DisturbanceObserver, IncrementalEstimate, RejectingFlight
 from flying.rigid_flight import RigidFlight
 from scipy.optimize import minimize
 

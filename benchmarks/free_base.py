@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 from control import FREE_GOAL, free_over_fixed
 from flying.arm_model import ArmModel
-from flying.arm_swing import MOTIONS, ArmSwing
+from flying.arm_swing import MOTIONS, RAMP, ArmSwing
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
-from flying.grown_motion import RAMP
 from flying.node_bench import FAILURES, reason, ros_node
 from rclpy.node import Node
 

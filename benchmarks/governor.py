@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import yaml
-from flying.flight_program import PAYLOAD, FlightProgram
-from flying.flight_way import DRONES, GAINS, height_frequency, load_drone
+from flying.arm_swing import PAYLOAD, FlightProgram
+from flying.flight_case import DRONES, GAINS, height_frequency, load_drone
 from flying.rigid_flight import RigidFlight
 from numpy.typing import ArrayLike
 

@@ -20,31 +20,29 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-from flying.ardupilot_program import ArduPilotProgram, find_ardupilot
+from firmware import GAINS
 from flying.arm_swing import ArmSwing
-from flying.firmware_program import FirmwareProgram
-from flying.flight_way import load_drone
+from flying.firmware_program import (
+    HOW,
+    ArduPilotProgram,
+    FirmwareProgram,
+    Px4AllGains,
+    Px4Program,
+    find_ardupilot,
+    find_px4,
+)
+from flying.flight_case import load_drone
 from flying.node_bench import ros_node
-from flying.px4_program import HOW, Px4AllGains, Px4Program, Px4Setup, find_px4
 from flying.rigid_flight import RigidFlight
 from geometry_msgs.msg import PoseStamped
-from px4 import GAINS
 from rclpy.node import Node
 from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
-from aerarm_ros.autopilot import ardupilot_link
+from aerarm_ros.autopilot.ardupilot import ArduPilotSetup
 from aerarm_ros.autopilot.ardupilot_flight import ArduPilotFirmware
-from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
 from aerarm_ros.autopilot.firmware_flight import LockstepFirmware
 from aerarm_ros.autopilot.px4_flight import Px4Firmware
-from aerarm_ros.autopilot.px4_link import (
-    COMPANION_PORT,
-    OFFBOARD_PORT,
-    SIMULATOR_PORT,
-    CompanionLink,
-    SimulatorLink,
-)
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
@@ -172,32 +170,24 @@ def firmware_of(
     drone, body = flight.drone, flight.body
     if (build := find_px4()) is not None:
         gains = Px4AllGains.scaled(*GAINS)
-        setup = Px4Setup(gains)
-        program: FirmwareProgram = Px4Program(build, folder, drone, body, setup, _INSTANCE)
+        program: FirmwareProgram = Px4Program(build, folder, drone, body, gains, _INSTANCE)
         parameters: dict[str, object] = {
             'attitude_gain': gains.mc_att_p, 'rate_gain': gains.mc_rate_k * gains.mc_rate_p,
             'integral_rate': gains.mc_rate_i / gains.mc_rate_p, 'hold_heading': False,
             'connection': f'udp:127.0.0.1:{_NODE_PORT}',
         }  # fmt: skip
-        simulator = SimulatorLink(SIMULATOR_PORT + _INSTANCE)
-        companion = CompanionLink(COMPANION_PORT + _INSTANCE, OFFBOARD_PORT + _INSTANCE)
-        stack.callback(simulator.close)
-        firmware: LockstepFirmware = Px4Firmware(simulator, companion)
+        firmware: LockstepFirmware = Px4Firmware.instance(_INSTANCE)
     elif (path := find_ardupilot()) is not None:
         plan = ArduPilotSetup()
-        program = ArduPilotProgram(path, folder, drone, body, plan, _INSTANCE, _NODE_PORT)
+        program = ArduPilotProgram(path, folder, drone, body, _INSTANCE, _NODE_PORT)
         parameters = {
             'firmware': 'ardupilot', 'attitude_gain': plan.att_p, 'rate_gain': plan.rate_p,
             'integral_rate': plan.rate_i / plan.rate_p, 'connection': f'udp:{_NODE_PORT}',
         }  # fmt: skip
-        more = ardupilot_link.PORT_STEP * _INSTANCE
-        line = ardupilot_link.JsonLink(ardupilot_link.SIMULATOR_PORT + more)
-        companion = CompanionLink(ardupilot_link.COMPANION_PORT + more, None)
-        stack.callback(line.close)
-        firmware = ArduPilotFirmware(line, companion, motors_of(drone))
+        firmware = ArduPilotFirmware.instance(_INSTANCE, drone)
     else:
-        raise ValueError(f'{HOW}. The same holds for ArduPilot and the variable ARDUPILOT')
-    stack.callback(companion.close)
+        raise ValueError(f'{HOW["px4"]}. {HOW["ardupilot"]}')
+    stack.callback(firmware.close)
     stack.enter_context(program)
     return firmware, program, parameters
 

@@ -20,9 +20,8 @@ import rclpy
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_bench import LEAD, FlightBench
-from flying.flight_case import FlightCase
+from flying.flight_case import WAYS, FlightCase, load_drone
 from flying.flight_record import LOST
-from flying.flight_way import WAYS, load_drone
 from flying.node_bench import ros_node
 from geometry_msgs.msg import InertiaStamped
 from rclpy.node import Node

@@ -19,13 +19,11 @@ from pathlib import Path
 
 import numpy as np
 from flying.arm_model import ArmModel
-from flying.holding_bench import HoldingBench, HoldingRecord
-from flying.holding_case import CASES
+from flying.holding_bench import HoldingBench, HoldingRecord, PushingBench
+from flying.holding_case import CASES, PUSHES
 from flying.holding_page import holding_page
 from flying.node_bench import FAILURES, reason, ros_node
 from flying.pages import write_page
-from flying.pushing_bench import PushingBench
-from flying.pushing_case import PUSHES
 from rclpy.node import Node
 
 # Format of a line, headings, and cases.

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+import socket
 from abc import ABC, abstractmethod
 from enum import Enum
 
 import numpy as np
+import pinocchio as pin
 
-from aerarm_ros.autopilot.ardupilot_link import JsonLink
-from aerarm_ros.autopilot.ardupilot_loop import ArduPilotSetPoints
-from aerarm_ros.autopilot.mavlink import Message
+from aerarm_ros.autopilot.ardupilot import ArduPilotSetPoints
+from aerarm_ros.autopilot.mavlink import FrameWriter, Message
 from aerarm_ros.autopilot.mavlink_line import (
     ARM,
     ARMED,
-    COMPANION,
+    AUTOPILOT,
     CUSTOM_MODE,
+    HOST,
     SET_MODE,
-    companion_writer,
+    CompanionWriter,
+    UdpLine,
+    udp_socket,
 )
-from aerarm_ros.autopilot.px4 import ned
-from aerarm_ros.autopilot.px4_link import CompanionLink, SimulatorLink
-from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
+from aerarm_ros.autopilot.px4 import GPS, Px4SetPoints, frd_rotation, ned
+from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
@@ -30,6 +33,63 @@ _UP = np.array([0.0, 0.0, 1.0])
 _PERIOD = 0.5  # [s] between two heartbeats, and between two requests to arm
 _LOWERING = 2.0  # [s] in which the set point is lowered by `rise` without a step
 _TEXTS = 50  # number of stored messages from the firmware
+
+
+def companion_line(port: int, autopilot_port: int | None = None) -> UdpLine:
+    """Return a UDP connection, as companion computer, to an autopilot on this host.
+
+    Without the autopilot's port, the answers go where its messages come from. Raises ValueError if
+    the own port is in use.
+    """
+    peer = None if autopilot_port is None else (HOST, autopilot_port)
+    return UdpLine(peer, firmware_socket(port))
+
+
+def firmware_socket(port: int) -> socket.socket:
+    """Return a UDP socket on a port of this host; raise ValueError if the port is in use."""
+    try:
+        return udp_socket(HOST, port)
+    except OSError as error:
+        raise ValueError(port_taken('UDP', port, error)) from None
+
+
+def port_taken(kind: str, port: int, error: OSError) -> str:
+    """Return the error message for a port that cannot be opened."""
+    return (
+        f"{kind} port {port} for the autopilot's program cannot be opened ({error.strerror}): stop "
+        'the other flight_control, simulator or ground station, or set another '
+        'autopilot_instance'
+    )
+
+
+FRAME_LOCAL_NED, FRAME_LOCAL_FRD = 1, 20
+"""Values of MAV_FRAME for odometry; PX4 requires the first, ArduPilot the second."""
+
+_FRAME_BODY_FRD, _ESTIMATOR_VISION = 12, 2
+_VARIANCES = (1e-4, 1e-4, 1e-4)  # position [m^2], attitude [rad^2], velocity [m^2/s^2] of vision
+
+
+def odometry_frame(
+    writer: FrameWriter, time_us: int, state: FlightState, frame: int = FRAME_LOCAL_NED
+) -> bytes:
+    """Return an ODOMETRY message: pose in the axes of `frame`, velocity in body axes (FRD)."""
+    x, y, z = ned(state.position).tolist()
+    qx, qy, qz, qw = pin.Quaternion(frd_rotation(state.rotation)).coeffs().tolist()
+    vx, vy, vz = frd_to_flu(state.rotation.T @ state.velocity).tolist()
+    p, q, r = frd_to_flu(state.rate).tolist()
+    place, turn, speed = _VARIANCES
+    return writer.pack(
+        'ODOMETRY', time_usec=time_us, frame_id=frame, child_frame_id=_FRAME_BODY_FRD, x=x, y=y,
+        z=z, q=(qw, qx, qy, qz), vx=vx, vy=vy, vz=vz, rollspeed=p, pitchspeed=q, yawspeed=r,
+        pose_covariance=_diagonal(place, turn), velocity_covariance=_diagonal(speed, speed),
+        estimator_type=_ESTIMATOR_VISION, quality=100,
+    )  # fmt: skip
+
+
+def _diagonal(first: float, second: float) -> list[float]:
+    """Return the upper triangle (21,) of a diagonal 6 by 6 covariance matrix."""
+    rows = np.diag([first] * 3 + [second] * 3)
+    return [float(value) for value in rows[np.triu_indices(6)]]
 
 
 class FlightStage(Enum):
@@ -49,19 +109,19 @@ class LockstepFirmware(ABC):
 
     Parameters
     ----------
-    simulator, companion
-        Connections to the firmware, as its simulator and as a companion computer.
+    companion
+        Connection to the firmware as a companion computer.
+    sensors : str
+        One of `px4.SENSORS`, the source of the firmware's position.
 
     Attributes
     ----------
     texts : list of str
         Messages of the firmware, the newest last, such as rejections of set points.
     origin : (3,) ndarray
-        Origin of the firmware's local frame in the world, north-east-down [m].
+        Origin of the world in the firmware's local frame, east-north-up [m].
     rise : float
         Height [m] above the held drone to which the first set points lead it.
-    wants_set_points : bool
-        Whether the firmware needs set points to arm, in the present stage.
     """
 
     rise = 0.0
@@ -71,26 +131,36 @@ class LockstepFirmware(ABC):
     _led: int  # mode that follows set points
     _mode_shift = 0  # bit of the custom mode at which the mode begins
     _arms_on_set_points = False
-    _worries: tuple[str, ...] = (
-        '',
-    )  # a message that contains one of these is shown before the flight
+    _settling: float  # [s] with a position near the true one before arming
+    _near = np.inf  # [m] between the firmware's position and the true one, without GPS
+    _averaged = 1  # number of positions whose mean error is `origin`, with GPS
+    # A message that contains one of these is shown before the flight.
+    _worries: tuple[str, ...] = ('',)
 
-    def __init__(self, simulator: SimulatorLink | JsonLink, companion: CompanionLink) -> None:
-        self._link, self._companion = simulator, companion
-        self._writer = companion_writer()
+    def __init__(self, companion: UdpLine, sensors: str) -> None:
+        self._companion = companion
+        self._is_gps = sensors == GPS
+        self._writer = CompanionWriter()
         self._time = 0.0
         self._asked = self._beat_at = -1.0
         self._place: Array | None = None
+        self._placed: float | None = None  # time since which the position is near the true one
+        self._offsets: list[Array] = []  # errors of the position while the firmware settles
         self._mode = self._flags = 0
+        self.origin = np.zeros(3)
         self.stage = FlightStage.BOOT
         self.texts: list[str] = []
-        self.origin = np.zeros(3)
+
+    @property
+    @abstractmethod
+    def is_lost(self) -> bool:
+        """Whether the firmware has ended."""
 
     @property
     def problem(self) -> str:
         """Reason why the firmware does not fly the drone; empty while the firmware flies it."""
         name = self._name
-        if self._link.is_lost:
+        if self.is_lost:
             return f'{name} has ended: restart {name} and this node'
         if not self.is_flying:
             newest = self.texts[-3:]
@@ -155,13 +225,25 @@ class LockstepFirmware(ABC):
     def _held_step(self, state: FlightState) -> Array | None:
         """Advance the firmware by a step with the drone at rest; return thrust fractions."""
 
-    @abstractmethod
     def _has_settled(self, place: Array) -> bool:
-        """Return whether the firmware knows its position, given the true one (NED) [m]."""
+        """Return whether the firmware has long known its position, the true one (NED) [m]."""
+        if self._place is None:
+            return False
+        offset = self._place - place
+        if not self._is_gps and np.linalg.norm(offset) > self._near:
+            self._placed = None
+            return False
+        self._placed = self._time if self._placed is None else self._placed
+        self._offsets.append(offset)
+        if self._time - self._placed <= self._settling * self._second:
+            return False
+        if self._is_gps:  # otherwise the firmware's frame is that of the odometry
+            self.origin = ned(np.mean(self._offsets[-self._averaged :], axis=0))
+        return True
 
-    @abstractmethod
     def _is_armed(self) -> bool:
         """Return whether the firmware is armed and drives its rotors."""
+        return bool(self._flags & ARMED)
 
     @abstractmethod
     def _take_off(self) -> None:
@@ -185,19 +267,15 @@ class LockstepFirmware(ABC):
         return True
 
     def _command(self, command: int, *parameters: float) -> None:
-        values = {f'param{i}': value for i, value in enumerate(parameters, 1)}
-        self.send(
-            'COMMAND_LONG', target_system=self._system, target_component=1, command=command,
-            **values,
-        )  # fmt: skip
+        self._companion.send(self._writer.command(self._system, command, *parameters))
 
     def _beat(self) -> None:
         if self._time - self._beat_at > _PERIOD * self._second:
             self._beat_at = self._time
-            self.send('HEARTBEAT', **COMPANION)
+            self._companion.send(self._writer.heartbeat())
 
     def _take(self, message: Message) -> None:
-        if message.name == 'HEARTBEAT' and message.component == 1:
+        if message.name == 'HEARTBEAT' and message.component == AUTOPILOT:
             self._mode = message['custom_mode'] >> self._mode_shift & 0xFF
             self._flags = message['base_mode']
         elif message.name == 'LOCAL_POSITION_NED':
@@ -286,6 +364,8 @@ class FirmwareFlight:
 
     def _lead(self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward) -> None:
         self._above *= float(np.exp(-dt / _LOWERING))
-        above = target._replace(position=target.position + self._above * _UP)
-        name, values = self._set_points.message(state, above, dt, arm, self._firmware.origin)
+        origin = self._firmware.origin
+        state = state._replace(position=state.position + origin)
+        above = target._replace(position=target.position + origin + self._above * _UP)
+        name, values = self._set_points.message(state, above, dt, arm)
         self._firmware.send(name, time_boot_ms=self._firmware.time_ms, **values)

@@ -1,8 +1,9 @@
 """Encoding and decoding of the MAVLink messages that this package uses.
 
-The table lists fields in the form of MAVLink's XML definitions (common.xml, minimal.xml, read in
-March 2026). The protocol's rules determine the order on the wire (larger types first, extensions
-last) and the checksum seed; see https://mavlink.io/en/guide/serialization.html.
+The table lists the types and names of fields in the order of MAVLink's XML definitions
+(common.xml, minimal.xml, read in March 2026). The protocol's rules determine the order on the wire
+(larger types first, extensions last) and the checksum seed; see
+https://mavlink.io/en/guide/serialization.html.
 """
 
 import re
@@ -10,60 +11,52 @@ import struct
 from binascii import crc_hqx
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from itertools import islice
+from typing import Any, NamedTuple
 
+# Number and name of a message, and its fields; extensions follow after a semicolon.
 _DEFINITIONS = """
-0 HEARTBEAT: uint8_t type, uint8_t autopilot, uint8_t base_mode, uint32_t custom_mode, uint8_t
-    system_status, uint8_t mavlink_version
-31 ATTITUDE_QUATERNION: uint32_t time_boot_ms, float q1, float q2, float q3, float q4, float
-    rollspeed, float pitchspeed, float yawspeed; float[4] repr_offset_q
-32 LOCAL_POSITION_NED: uint32_t time_boot_ms, float x, float y, float z, float vx, float vy, float
-    vz
-36 SERVO_OUTPUT_RAW: uint32_t time_usec, uint8_t port, uint16_t servo1_raw, uint16_t servo2_raw,
-    uint16_t servo3_raw, uint16_t servo4_raw, uint16_t servo5_raw, uint16_t servo6_raw, uint16_t
-    servo7_raw, uint16_t servo8_raw; uint16_t servo9_raw, uint16_t servo10_raw, uint16_t
-    servo11_raw, uint16_t servo12_raw, uint16_t servo13_raw, uint16_t servo14_raw, uint16_t
-    servo15_raw, uint16_t servo16_raw
-48 SET_GPS_GLOBAL_ORIGIN: uint8_t target_system, int32_t latitude, int32_t longitude, int32_t
-    altitude; uint64_t time_usec
-76 COMMAND_LONG: uint8_t target_system, uint8_t target_component, uint16_t command, uint8_t
-    confirmation, float param1, float param2, float param3, float param4, float param5, float
-    param6, float param7
+0 HEARTBEAT: uint8_t type autopilot base_mode, uint32_t custom_mode, uint8_t system_status
+    mavlink_version
+31 ATTITUDE_QUATERNION: uint32_t time_boot_ms, float q1 q2 q3 q4 rollspeed pitchspeed yawspeed;
+    float[4] repr_offset_q
+32 LOCAL_POSITION_NED: uint32_t time_boot_ms, float x y z vx vy vz
+36 SERVO_OUTPUT_RAW: uint32_t time_usec, uint8_t port, uint16_t servo1_raw servo2_raw servo3_raw
+    servo4_raw servo5_raw servo6_raw servo7_raw servo8_raw; uint16_t servo9_raw servo10_raw
+    servo11_raw servo12_raw servo13_raw servo14_raw servo15_raw servo16_raw
+48 SET_GPS_GLOBAL_ORIGIN: uint8_t target_system, int32_t latitude longitude altitude; uint64_t
+    time_usec
+76 COMMAND_LONG: uint8_t target_system target_component, uint16_t command, uint8_t confirmation,
+    float param1 param2 param3 param4 param5 param6 param7
 77 COMMAND_ACK: uint16_t command, uint8_t result; uint8_t progress, int32_t result_param2, uint8_t
-    target_system, uint8_t target_component
-82 SET_ATTITUDE_TARGET: uint32_t time_boot_ms, uint8_t target_system, uint8_t target_component,
-    uint8_t type_mask, float[4] q, float body_roll_rate, float body_pitch_rate, float
-    body_yaw_rate, float thrust; float[3] thrust_body
-84 SET_POSITION_TARGET_LOCAL_NED: uint32_t time_boot_ms, uint8_t target_system, uint8_t
-    target_component, uint8_t coordinate_frame, uint16_t type_mask, float x, float y, float z,
-    float vx, float vy, float vz, float afx, float afy, float afz, float yaw, float yaw_rate
+    target_system target_component
+82 SET_ATTITUDE_TARGET: uint32_t time_boot_ms, uint8_t target_system target_component type_mask,
+    float[4] q, float body_roll_rate body_pitch_rate body_yaw_rate thrust; float[3] thrust_body
+84 SET_POSITION_TARGET_LOCAL_NED: uint32_t time_boot_ms, uint8_t target_system target_component
+    coordinate_frame, uint16_t type_mask, float x y z vx vy vz afx afy afz yaw yaw_rate
 93 HIL_ACTUATOR_CONTROLS: uint64_t time_usec, float[16] controls, uint8_t mode, uint64_t flags
-105 HIGHRES_IMU: uint64_t time_usec, float xacc, float yacc, float zacc, float xgyro, float ygyro,
-    float zgyro, float xmag, float ymag, float zmag, float abs_pressure, float diff_pressure, float
-    pressure_alt, float temperature, uint16_t fields_updated; uint8_t id
-107 HIL_SENSOR: uint64_t time_usec, float xacc, float yacc, float zacc, float xgyro, float ygyro,
-    float zgyro, float xmag, float ymag, float zmag, float abs_pressure, float diff_pressure, float
-    pressure_alt, float temperature, uint32_t fields_updated; uint8_t id
-113 HIL_GPS: uint64_t time_usec, uint8_t fix_type, int32_t lat, int32_t lon, int32_t alt, uint16_t
-    eph, uint16_t epv, uint16_t vel, int16_t vn, int16_t ve, int16_t vd, uint16_t cog, uint8_t
-    satellites_visible; uint8_t id, uint16_t yaw
-111 TIMESYNC: int64_t tc1, int64_t ts1; uint8_t target_system, uint8_t target_component
+105 HIGHRES_IMU: uint64_t time_usec, float xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag
+    abs_pressure diff_pressure pressure_alt temperature, uint16_t fields_updated; uint8_t id
+107 HIL_SENSOR: uint64_t time_usec, float xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag
+    abs_pressure diff_pressure pressure_alt temperature, uint32_t fields_updated; uint8_t id
+113 HIL_GPS: uint64_t time_usec, uint8_t fix_type, int32_t lat lon alt, uint16_t eph epv vel,
+    int16_t vn ve vd, uint16_t cog, uint8_t satellites_visible; uint8_t id, uint16_t yaw
+111 TIMESYNC: int64_t tc1 ts1; uint8_t target_system target_component
 253 STATUSTEXT: uint8_t severity, char[50] text; uint16_t id, uint8_t chunk_seq
-331 ODOMETRY: uint64_t time_usec, uint8_t frame_id, uint8_t child_frame_id, float x, float y, float
-    z, float[4] q, float vx, float vy, float vz, float rollspeed, float pitchspeed, float yawspeed,
-    float[21] pose_covariance, float[21] velocity_covariance; uint8_t reset_counter, uint8_t
-    estimator_type, int8_t quality
+331 ODOMETRY: uint64_t time_usec, uint8_t frame_id child_frame_id, float x y z, float[4] q, float vx
+    vy vz rollspeed pitchspeed yawspeed, float[21] pose_covariance velocity_covariance; uint8_t
+    reset_counter estimator_type, int8_t quality
 375 ACTUATOR_OUTPUT_STATUS: uint64_t time_usec, uint32_t active, float[32] actuator
 """
 _CODES = {
-    'uint64_t': 'Q', 'uint32_t': 'I', 'uint16_t': 'H', 'uint8_t': 'B',
-    'int64_t': 'q',
+    'uint64_t': 'Q', 'uint32_t': 'I', 'uint16_t': 'H', 'uint8_t': 'B', 'int64_t': 'q',
     'int32_t': 'i', 'int16_t': 'h', 'int8_t': 'b', 'float': 'f', 'char': 's',
 }  # fmt: skip
 _TURNED = bytes(int(f'{byte:08b}'[::-1], 2) for byte in range(256))
 _START_1, _START_2 = 0xFE, 0xFD
+# A start byte, for MAVLink 2 with flags (signed or not) that may not have arrived yet.
+_START = re.compile(rb'\xfe|\xfd(?:.[\x00\x01]|.?\Z)', re.DOTALL)
 _HEAD_1, _HEAD_2, _CRC, _SIGNATURE = 6, 10, 2, 13
-_SIGNED = 0x01
 
 
 def checksum(data: bytes) -> int:
@@ -72,19 +65,24 @@ def checksum(data: bytes) -> int:
     return _TURNED[turned >> 8] | _TURNED[turned & 0xFF] << 8
 
 
-@dataclass(frozen=True)
-class _Field:
+class _Field(NamedTuple):
     name: str
-    code: str
-    count: int
+    kind: str
+    length: int  # 0 for a scalar
 
     @property
     def size(self) -> int:
-        return 1 if self.code == 's' else struct.calcsize('<' + self.code)
+        return struct.calcsize('<' + _CODES[self.kind])
 
-    @property
-    def format(self) -> str:
-        return f'{self.count}{self.code}' if self.count > 1 else self.code
+
+def _fields(text: str) -> list[_Field]:
+    """Return the fields of a definition, in which a type stands before one or several names."""
+    found = re.findall(r'(\w+)(?:\[(\d+)\])? ([\w ]+)', text)
+    return [
+        _Field(name, kind, int(count or 0))
+        for kind, count, names in found
+        for name in names.split()
+    ]
 
 
 class MessageLayout:
@@ -95,23 +93,18 @@ class MessageLayout:
     number : int
         Message id.
     base, extensions : str
-        Types and names of the message's fields, as in its XML definition.
+        Types and names of the message's fields, as in `_DEFINITIONS`.
     """
 
     def __init__(self, number: int, name: str, base: str, extensions: str) -> None:
         self.number, self.name = number, name
-        seed = name + ' '
-        fields = []
-        for kind, length, field in sorted(_declared(base), key=_size, reverse=True):
-            seed += f'{kind} {field} ' + (chr(length) if length else '')
-            fields.append(_Field(field, _CODES[kind], max(length, 1)))
-        turned = checksum(seed.encode('latin1'))
+        ordered = sorted(_fields(base), key=lambda field: field.size, reverse=True)
+        texts = [f'{x.kind} {x.name} ' + (chr(x.length) if x.length else '') for x in ordered]
+        turned = checksum(''.join([name, ' ', *texts]).encode('latin1'))
         self.seed = turned & 0xFF ^ turned >> 8
-        self.base_size = struct.calcsize('<' + ''.join(field.format for field in fields))
-        fields += [_Field(x, _CODES[kind], max(n, 1)) for kind, n, x in _declared(extensions)]
-        self._fields = fields
-        self._struct = struct.Struct('<' + ''.join(field.format for field in fields))
-        self._names = {field.name for field in fields}
+        self._fields = [*ordered, *_fields(extensions)]
+        codes = [f'{field.length or ""}{_CODES[field.kind]}' for field in self._fields]
+        self._struct = struct.Struct('<' + ''.join(codes))
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
         """Encode field values as payload without trailing zeros; missing fields are 0.
@@ -121,17 +114,16 @@ class MessageLayout:
         ValueError
             If a field is unknown, or a value does not fit its field.
         """
-        if unknown := values.keys() - self._names:
+        if unknown := values.keys() - {field.name for field in self._fields}:
             raise ValueError(f'MAVLink {self.name} has no field {sorted(unknown)[0]}')
         flat: list[Any] = []
-        for field in self._fields:
-            value = values.get(field.name, 0)
-            if field.code == 's':
-                flat.append(str(value or '').encode())
-            elif field.count > 1:
-                flat += [0] * field.count if field.name not in values else list(value)
+        for name, kind, length in self._fields:
+            if kind == 'char':
+                flat.append(str(values.get(name, '')).encode())
+            elif length:
+                flat += values.get(name, [0] * length)
             else:
-                flat.append(value)
+                flat.append(values.get(name, 0))
         try:
             payload = self._struct.pack(*flat)
         except struct.error as error:
@@ -141,30 +133,14 @@ class MessageLayout:
     def unpack(self, payload: bytes) -> dict[str, Any]:
         """Decode the field values of a payload; missing bytes at its end count as zeros."""
         size = self._struct.size
-        flat = self._struct.unpack(payload[:size].ljust(size, b'\0'))
+        flat = iter(self._struct.unpack(payload[:size].ljust(size, b'\0')))
         values: dict[str, Any] = {}
-        at = 0
-        for field in self._fields:
-            if field.code == 's':
-                values[field.name] = flat[at].split(b'\0')[0].decode(errors='replace')
-                at += 1
-            elif field.count > 1:
-                values[field.name] = flat[at : at + field.count]
-                at += field.count
+        for name, kind, length in self._fields:
+            if kind == 'char':
+                values[name] = next(flat).split(b'\0')[0].decode(errors='replace')
             else:
-                values[field.name] = flat[at]
-                at += 1
+                values[name] = tuple(islice(flat, length)) if length else next(flat)
         return values
-
-
-def _declared(text: str) -> list[tuple[str, int, str]]:
-    """Return type, array length (0 for a scalar) and name of each field in a definition."""
-    found = re.findall(r'(\w+)(?:\[(\d+)\])? (\w+)', text)
-    return [(kind, int(length or 0), name) for kind, length, name in found]
-
-
-def _size(declared: tuple[str, int, str]) -> int:
-    return _Field(declared[2], _CODES[declared[0]], 1).size
 
 
 def _layouts() -> dict[str, MessageLayout]:
@@ -220,10 +196,9 @@ class FrameWriter:
         """Encode a message as frame; raise ValueError if a value does not fit its field."""
         layout = LAYOUTS[name]
         payload = layout.pack(values)
-        number = layout.number.to_bytes(3, 'little')
-        head = bytes([len(payload), 0, 0, self._sequence, *self._sender]) + number
+        head = bytes([len(payload), 0, 0, self._sequence, *self._sender])
         self._sequence = (self._sequence + 1) % 256
-        checked = head + payload
+        checked = head + layout.number.to_bytes(3, 'little') + payload
         crc = checksum(checked + bytes([layout.seed]))
         return bytes([_START_2]) + checked + crc.to_bytes(2, 'little')
 
@@ -249,7 +224,8 @@ class FrameReader:
         buffer += data
         found: list[Message] = []
         at = 0
-        while (at := _next_start(buffer, at)) < len(buffer):
+        while (start := _START.search(buffer, at)) is not None:
+            at = start.start()
             length = _frame_length(buffer, at)
             if length is None or at + length > len(buffer):
                 break
@@ -259,6 +235,8 @@ class FrameReader:
                 continue
             found += message
             at += length
+        else:
+            at = len(buffer)
         del buffer[:at]
         return found
 
@@ -281,20 +259,10 @@ class FrameReader:
         return [Message(layout.name, system, component, layout.unpack(frame[head:end]))]
 
 
-def _next_start(buffer: bytearray, at: int) -> int:
-    """Return the index of the next possible frame start, or the length of the buffer."""
-    while at < len(buffer):
-        flags = buffer[at + 2 : at + 3]
-        if buffer[at] == _START_1 or (buffer[at] == _START_2 and flags <= bytes([_SIGNED])):
-            return at
-        at += 1
-    return at
-
-
 def _frame_length(buffer: bytearray, at: int) -> int | None:
     """Return the length of the frame at an index, None if too few bytes have arrived."""
     if len(buffer) < at + 3:
         return None
     if buffer[at] == _START_1:
         return _HEAD_1 + buffer[at + 1] + _CRC
-    return _HEAD_2 + buffer[at + 1] + _CRC + _SIGNATURE * (buffer[at + 2] & _SIGNED)
+    return _HEAD_2 + buffer[at + 1] + _CRC + _SIGNATURE * (buffer[at + 2] & 1)

@@ -9,12 +9,12 @@ from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.mavlink_line import (
     ARM,
     ARMED,
-    COMPANION,
+    AUTOPILOT,
     CUSTOM_MODE,
     SET_INTERVAL,
     SET_MODE,
+    CompanionWriter,
     Line,
-    companion_writer,
 )
 from aerarm_ros.autopilot.px4 import ned
 from aerarm_ros.control.base.base_motion import (
@@ -27,7 +27,6 @@ from aerarm_ros.motion.signals import Array
 
 LOSS = 1.5  # [s] without a heartbeat
 FRESH = 0.2  # [s]; an older attitude or place is not used
-_AUTOPILOT_COMPONENT = 1
 _HEARTBEAT, _ASK = 1.0, 2.0  # [s] between heartbeats, and between requests of streams
 PX4, ARDUPILOT = 'px4', 'ardupilot'
 _FIRMWARES = {3: ARDUPILOT, 12: PX4}  # MAV_AUTOPILOT
@@ -99,7 +98,7 @@ class MavlinkAutopilot:
 
     def __init__(self, line: Line, rates: dict[str, float]) -> None:
         self._line, self._rates = line, rates
-        self._writer = companion_writer()
+        self._writer = CompanionWriter()
         self._system = 0
         self._heard = self._beat = self._asked = -np.inf
         self._times: dict[str, float] = {}  # of the newest message of each stream
@@ -123,7 +122,7 @@ class MavlinkAutopilot:
     def take(self, message: Message, now: float) -> bool:
         """Process a message; return whether this autopilot sent it and its type is known."""
         handler = self._handlers.get(message.name)
-        if handler is None or message.component != _AUTOPILOT_COMPONENT:
+        if handler is None or message.component != AUTOPILOT:
             return False
         if self._system not in (0, message.system):
             return False  # from another vehicle on the same line
@@ -136,7 +135,7 @@ class MavlinkAutopilot:
         """Send a heartbeat once per second, and request missing streams every 2 s."""
         if now - self._beat >= _HEARTBEAT:
             self._beat = now
-            self.send('HEARTBEAT', **COMPANION)
+            self._line.send(self._writer.heartbeat())
         if not self.is_linked(now):
             self._asked = -np.inf  # The autopilot may have restarted and lost the rates.
         elif now - self._asked >= _ASK:
@@ -155,7 +154,7 @@ class MavlinkAutopilot:
         """Send the autopilot a set point, completed with time stamp and MAVLink address."""
         self.send(
             name, time_boot_ms=round(1e3 * now) % 2**32, target_system=self._system,
-            target_component=_AUTOPILOT_COMPONENT, **values,
+            target_component=AUTOPILOT, **values,
         )  # fmt: skip
 
     def arm(self) -> None:
@@ -219,11 +218,7 @@ class MavlinkAutopilot:
         self._command(command, *parameters)
 
     def _command(self, command: int, *parameters: float) -> None:
-        values = {f'param{i}': value for i, value in enumerate(parameters, 1)}
-        self.send(
-            'COMMAND_LONG', target_system=self._system, target_component=_AUTOPILOT_COMPONENT,
-            command=command, **values,
-        )  # fmt: skip
+        self._line.send(self._writer.command(self._system, command, *parameters))
 
     def _on_heartbeat(self, message: Message, now: float) -> None:
         self._system, self._heard = message.system, now

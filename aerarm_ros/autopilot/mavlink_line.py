@@ -11,15 +11,17 @@ from contextlib import suppress
 
 from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
 
-COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
-"""Fields of the MAVLink message HEARTBEAT that a companion computer sends."""
 ARM, SET_MODE, SET_INTERVAL = 400, 176, 511
 """MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE and MAV_CMD_SET_MESSAGE_INTERVAL."""
 CUSTOM_MODE, ARMED = 1, 128
 """Bits of MAV_MODE_FLAG."""
 
+AUTOPILOT = 1
+"""MAVLink component id of an autopilot."""
 HOST = '127.0.0.1'
-_SYSTEM, _COMPONENT = 245, 191  # ids of this side: MAV_COMP_ID_ONBOARD_COMPUTER
+# This side: ids (MAV_COMP_ID_ONBOARD_COMPUTER), and fields of its HEARTBEAT.
+_SYSTEM, _COMPONENT = 245, 191
+_COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
 _CHUNK = 65536
 _PORTS = 65535
 _UDP, _SERIAL = 'udp', 'serial'
@@ -173,9 +175,23 @@ class SerialLine(Line):
         os.close(self._file)
 
 
-def companion_writer() -> FrameWriter:
-    """Return a `FrameWriter` with the MAVLink ids of a companion computer."""
-    return FrameWriter(_SYSTEM, _COMPONENT)
+class CompanionWriter(FrameWriter):
+    """Encodes MAVLink messages of a companion computer."""
+
+    def __init__(self) -> None:
+        super().__init__(_SYSTEM, _COMPONENT)
+
+    def heartbeat(self) -> bytes:
+        """Encode a HEARTBEAT."""
+        return self.pack('HEARTBEAT', **_COMPANION)
+
+    def command(self, system: int, command: int, *parameters: float) -> bytes:
+        """Encode a command (MAV_CMD) to the autopilot of a vehicle, 0 for any vehicle."""
+        values = {f'param{i}': value for i, value in enumerate(parameters, 1)}
+        return self.pack(
+            'COMMAND_LONG', target_system=system, target_component=AUTOPILOT, command=command,
+            **values,
+        )  # fmt: skip
 
 
 def open_line(text: str) -> Line:

@@ -231,24 +231,8 @@ class EnergyModel:
             Measured drive torques [Nm]; by default those of the model.
         """
         rigid, weight = self.torques(q, dq, ddq)
-        friction = self.friction_torque(dq, ddq, rigid)
+        friction, inertia = self.friction_torque(dq, ddq, rigid), rigid - weight
         tau = rigid + friction if tau is None else tau
-        return self.split(dt, dq, tau, rigid - weight, weight, friction)
-
-    def split(
-        self, dt: float, dq: Array, tau: Array, inertia: Array, weight: Array, friction: Array
-    ) -> EnergyBalance:
-        """Return the energy balance of M time intervals, given the components of joint torques.
-
-        Parameters
-        ----------
-        dt : float
-            Duration of each interval [s].
-        dq, tau : (M, n) ndarray
-            Velocities [rad/s] and drive torques [Nm] at the interval centres.
-        inertia, weight, friction : (M, n) ndarray
-            Modelled inertial, gravity and friction torques at the joints [Nm].
-        """
         electrical = self.drives.electrical(tau, dq)
         braking = np.maximum(-electrical, 0.0)
         gear = (self.drives.shaft - 1.0) * tau * dq

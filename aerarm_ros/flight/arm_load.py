@@ -368,11 +368,8 @@ class ArmFeedForward:
         RejectedInputError
             If the wrench is not finite, or too large for any motion.
         """
-        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > 100.0 * self._drone.mass:
-            raise RejectedInputError(
-                'base_wrench_motion: a force or moment is NaN, or too large for this arm'
-            )
-        self._motion.add(stamp, self._in_body(wrench))
+        most = 100.0 * self._drone.mass
+        self._motion.add(stamp, self._in_body('base_wrench_motion', wrench, most))
 
     def offer_contact(self, stamp: float, wrench: Array) -> None:
         """Add the wrench (6,) that a planned contact exerts, in the arm's base frame.
@@ -385,14 +382,15 @@ class ArmFeedForward:
             If the wrench is not finite, or a force or moment is larger than the drone's weight [N]
             or [Nm].
         """
-        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > GRAVITY * self._drone.mass:
-            raise RejectedInputError(
-                'planned_contact: a force or moment is NaN, or too large for this drone'
-            )
-        self._contact.add(stamp, self._in_body(wrench))
+        most = GRAVITY * self._drone.mass
+        self._contact.add(stamp, self._in_body('planned_contact', wrench, most))
 
-    def _in_body(self, wrench: Array) -> Array:
-        """Convert a wrench (6,) from the arm's base frame to the drone's body frame."""
+    def _in_body(self, what: str, wrench: Array, most: float) -> Array:
+        """Check a wrench (6,), and convert it from the arm's base frame to the drone's body."""
+        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > most:
+            raise RejectedInputError(
+                f'{what}: a force or moment is NaN, or too large for this drone and arm'
+            )
         force, moment = self._rotation @ wrench[:3], self._rotation @ wrench[3:]
         return np.concatenate([force, moment + cross(self._mount, force)])
 

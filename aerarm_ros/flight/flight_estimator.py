@@ -76,10 +76,7 @@ class FlightEstimator:
     def offer_odometry(self, sample: OdometrySample) -> None:
         """Process an odometry sample; raises RejectedInputError."""
         before = self._odometry
-        if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
-            raise RejectedInputError(
-                'odometry: a sample is not newer than the previous one; run only one publisher'
-            )
+        _require_newer('odometry', before, sample)
         self._refuse_frozen_odometry(sample)
         if before is not None and sample.stamp > before.stamp:
             self._refuse_jump(before, sample)
@@ -88,10 +85,7 @@ class FlightEstimator:
     def offer_imu(self, sample: ImuSample) -> None:
         """Process an IMU sample; raises RejectedInputError."""
         before, odometry = self._imu, self._odometry
-        if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
-            raise RejectedInputError(
-                'IMU: a sample is not newer than the previous one; run only one publisher'
-            )
+        _require_newer('IMU', before, sample)
         rate = self._to_body @ sample.angular_velocity
         if odometry is not None and abs(sample.stamp - odometry.stamp) < SILENCE:
             is_moving = float(np.linalg.norm(odometry.rate)) > _MOVING_RATE
@@ -176,6 +170,15 @@ class FlightEstimator:
         if sample.stamp - self._doubted_since < _DOUBT:
             raise RejectedInputError(jump)
         self.jumps += 1
+
+
+def _require_newer(
+    what: str, before: OdometrySample | ImuSample | None, sample: OdometrySample | ImuSample
+) -> None:
+    if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
+        raise RejectedInputError(
+            f'{what}: a sample is not newer than the previous one; run only one publisher'
+        )
 
 
 def _is_old(sample: OdometrySample | ImuSample, now: float) -> bool:

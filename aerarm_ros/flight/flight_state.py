@@ -245,11 +245,6 @@ class FlightPath:
                 f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}); give the points more time'
             )
 
-    @property
-    def duration(self) -> float:
-        """Time [s] from the start to the last point."""
-        return float(self._begin + self._path.duration)
-
     def at(self, time: float) -> FlightTarget:
         """Return the drone's reference `time` [s] after the start."""
         q, dq, ddq = self._path.evaluate(float(time - self._begin))

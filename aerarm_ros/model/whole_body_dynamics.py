@@ -116,31 +116,6 @@ class WholeBodyDynamics:
         second[6:] = ddq
         return np.asarray(pin.rnea(self._model, self._data, self._q, velocity, second))
 
-    def reaction_with_slopes(
-        self, q: Array, dq: Array, ddq: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return the wrench `M_bj ddq + c_b` on a resting base, and its derivatives by q, dq, ddq.
-
-        Parameters
-        ----------
-        q, dq, ddq : (n,) ndarray
-            Joint positions [rad], velocities [rad/s], accelerations [rad/s^2].
-
-        Returns
-        -------
-        wrench : (6,) ndarray
-            Force [N] and moment [Nm].
-        by_q, by_dq, by_ddq : (6, n) ndarray
-            Derivatives by positions, velocities and accelerations of the joints. These arrays are
-            working memory, which the next call overwrites.
-        """
-        self._q[7:] = q
-        self._dq[:6] = self._ddq[:6] = 0.0
-        self._dq[6:], self._ddq[6:] = dq, ddq
-        slopes = pin.computeRNEADerivatives(self._model, self._data, self._q, self._dq, self._ddq)
-        by_q, by_dq, by_ddq = (slope[:6, 6:] for slope in slopes)
-        return np.array(self._data.tau[:6]), by_q, by_dq, by_ddq
-
     def response(self, q: Array) -> tuple[Array, Array]:
         """Return `M_bb^-1` (6, 6) and `M_bj` (6, n), from which the base's acceleration follows.
 

@@ -22,10 +22,15 @@ from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
-from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, OdometrySample
+from aerarm_ros.flight.flight_state import FlightTarget, OdometrySample
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, Rejections
 from aerarm_ros.ros.executors import BackgroundExecutor, create_steady_timer
-from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone, to_path, to_target
+from aerarm_ros.ros.flight.flight_inputs import (
+    ArmTopics,
+    FlightTargets,
+    load_flown_drone,
+    to_target,
+)
 from aerarm_ros.ros.flight.flight_parameters import (
     FLIGHT_PARAMETERS,
     arm_feed_forward,
@@ -46,7 +51,6 @@ NAME = 'flight_control'
 _WAIT = 0.1  # [s]
 _NAP = 1e-3  # [s]
 _STEP_MAX = 0.05  # [s] longest interval over which an integral grows in one step
-_LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, bounds of a trajectory's start
 _PUBLISHED = 5e-3  # [s] between two forecasts of base_reaction
 
 PARAMETERS = ParameterTable(*ARM_FILES, DRONE_FILE, *FLIGHT_PARAMETERS, *REAL_TIME_PARAMETERS)
@@ -81,8 +85,7 @@ class FlightControlNode:
         self._estimator = FlightEstimator(drone)
         self._thrust_max = drone.column('thrust_max')
         self._cdr = JointStateCdr(drone.rotor_names)
-        self._target: FlightTarget | None = None
-        self._path: tuple[float, FlightPath] | None = None
+        self._targets = FlightTargets()
         self._jumps = 0
         self._time = 0.0
         self._doing = 'waiting for odometry'
@@ -137,7 +140,7 @@ class FlightControlNode:
             self._try(partial(self._estimator.offer_imu, sample))
         if odometry is not None:
             self._take_odometry(*odometry)
-        elif self._target is not None and 'odometry' in self._estimator.missing():
+        elif self._targets.target is not None and 'odometry' in self._estimator.missing():
             self._fly(round((self._estimator.stamp or 0.0) * 1e9))
 
     def _take_odometry(self, stamp_ns: int, sample: OdometrySample | None) -> None:
@@ -180,15 +183,15 @@ class FlightControlNode:
         dt, self._time = min(max(now - self._time, 0.0), _STEP_MAX), now
         state = self._estimator.state()
         if state is not None:
-            if self._target is None or self._estimator.jumps != self._jumps:
+            target = self._targets.at(now)
+            if target is None or self._estimator.jumps != self._jumps:
                 self._jumps = self._estimator.jumps
-                self._target, self._path = FlightTarget.here(state), None
-            if self._path is not None:
-                self._target = self._path[1].at(now - self._path[0])
-            self._error = self._target.position - state.position
-            self._thrust = self._law.update(state, self._target, dt, self._arm.at(now))
+                target = FlightTarget.here(state)
+                self._targets.hold(target)
+            self._error = target.position - state.position
+            self._thrust = self._law.update(state, target, dt, self._arm.at(now))
             self._doing = ''
-        elif self._target is not None and (attitude := self._estimator.attitude_alone()):
+        elif self._targets.target is not None and (attitude := self._estimator.attitude_alone()):
             self._thrust = self._law.level(attitude, dt)
             self._doing = (
                 'odometry is missing, so the node only keeps the drone level by the IMU, and the '
@@ -205,7 +208,7 @@ class FlightControlNode:
         self._answers += 1
 
     def _note_silence(self) -> None:
-        if self._target is not None:
+        if self._targets.target is not None:
             self._doing = (
                 'neither odometry nor IMU data arrive, so the rotors stop: check both topics'
             )
@@ -213,28 +216,14 @@ class FlightControlNode:
     # Callbacks.
 
     def _on_set_point(self, message: PoseStamped) -> None:
-        self._requests.append(lambda: self._go_to(message))
+        self._requests.append(lambda: self._targets.hold(to_target(message, self._stream.frame)))
 
     def _on_trajectory(self, message: MultiDOFJointTrajectory) -> None:
-        self._requests.append(lambda: self._go_along(message))
-
-    def _go_to(self, message: PoseStamped) -> None:
-        self._target, self._path = to_target(message, self._stream.frame), None
-
-    def _go_along(self, message: MultiDOFJointTrajectory) -> None:
-        if self._target is None:
-            raise RejectedInputError(
-                'flight_trajectory rejected, because the position of the drone is unknown: check '
-                'the odometry topic'
+        self._requests.append(
+            lambda: self._targets.go_along(
+                message, self._stream.frame, self._targets.target, self._time, self._time
             )
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        begin = stamp or self._time
-        if not -_LATEST < begin - self._time < _EARLIEST:
-            raise RejectedInputError(
-                f'flight_trajectory rejected, because its stamp is {begin - self._time:+.1f} s '
-                'from now: set the stamp to zero ("now"), or check the clocks of both computers'
-            )
-        self._path = begin, to_path(message, self._stream.frame, self._target)
+        )
 
     def _on_parameter(self, name: str, value: Any) -> None:
         attribute = {'feed_posture': 'use_posture', 'feed_motion': 'use_motion'}.get(name, 'lead')

@@ -22,22 +22,25 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.autopilot.ardupilot_loop import ArduPilotSetPoints
-from aerarm_ros.autopilot.ardupilot_setup import motors_of
+from aerarm_ros.autopilot.ardupilot import ArduPilotSetPoints, motors_of
 from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.mavlink_autopilot import ARDUPILOT, MavlinkAutopilot
 from aerarm_ros.autopilot.mavlink_line import open_line
-from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
-from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
+from aerarm_ros.autopilot.px4 import Px4Gains, Px4SetPoints, torque_unit
 from aerarm_ros.control.base.base_motion import quaternion
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.drone_urdf import BODY_LINK, IMU_LINK
 from aerarm_ros.flight.arm_load import FeedForward
-from aerarm_ros.flight.flight_state import FlightPath, FlightState, FlightTarget
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, Rejections
 from aerarm_ros.ros.executors import create_steady_timer
-from aerarm_ros.ros.flight.flight_inputs import ClockedArm, load_flown_drone, to_path, to_target
+from aerarm_ros.ros.flight.flight_inputs import (
+    ClockedArm,
+    FlightTargets,
+    load_flown_drone,
+    to_target,
+)
 from aerarm_ros.ros.flight.set_point_node import (
     FEED_PARAMETERS,
     FIRMWARE_PARAMETERS,
@@ -130,8 +133,7 @@ class MavlinkFeedforward:
         self._set_points = self._create_set_points(drone)
         self._thrust_max = drone.column('thrust_max')
         self._cdr = JointStateCdr(drone.rotor_names)
-        self._target: FlightTarget | None = None
-        self._path: tuple[float, FlightPath] | None = None
+        self._targets = FlightTargets()
         self._target_time = -np.inf
         self._logged = ''
         self._sent = 0
@@ -225,14 +227,15 @@ class MavlinkFeedforward:
         state, target = self._autopilot.state(now), self._wanted(now)
         if target is None or self._link_problem(now):
             self._set_points.reset()
-            self._path = None  # a path must not go on while the autopilot does not follow it
+            # A path must not go on while the autopilot does not follow it.
+            self._targets.hold(self._targets.target)
             return
         if state is None:  # Without the vehicle's axes the arm's feedforward cannot be added.
             state = FlightState(np.zeros(3), np.zeros(3), np.eye(3), np.zeros(3))
             arm = FeedForward.at_rest(arm.body)
             if self._set_points.needs_state:
                 return
-        name, values = self._set_points.message(state, target, dt, arm, np.zeros(3))
+        name, values = self._set_points.message(state, target, dt, arm)
         self._autopilot.set_point(name, now, **values)
         self._sent += 1
 
@@ -252,43 +255,27 @@ class MavlinkFeedforward:
 
     def _wanted(self, now: float) -> FlightTarget | None:
         """Return the present target of the drone, or None without a valid set point."""
-        if self._path is not None:
-            begin, path = self._path  # the drone hovers at its end
-            self._target, self._target_time = path.at(min(now - begin, path.duration)), now
+        if self._targets.is_path:
+            self._target_time = now  # the drone hovers at its end
         patience = self.values.set_point_timeout
         if patience and now - self._target_time > patience:
             return None
-        return self._target
+        return self._targets.at(now)
 
     # Callbacks.
 
     def _on_set_point(self, message: PoseStamped) -> None:
         def act() -> None:
-            self._target, self._path = to_target(message, _WORLD), None
+            self._targets.hold(to_target(message, _WORLD))
             self._target_time = time.monotonic()
 
         self._try(act)
 
     def _on_trajectory(self, message: MultiDOFJointTrajectory) -> None:
-        def act() -> None:
-            now = time.monotonic()
-            state = self._autopilot.state(now)
-            if state is None:
-                raise RejectedInputError(
-                    'flight_trajectory rejected, because the autopilot reports no position yet: '
-                    'wait for its position estimate, then send the trajectory again'
-                )
-            stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-            delay = stamp - 1e-9 * self._arm.clock.now_ns() if stamp else 0.0
-            if not -1.0 < delay < 60.0:
-                raise RejectedInputError(
-                    f'flight_trajectory rejected, because its stamp is {delay:+.1f} s from now '
-                    '(accepted: -1 to 60 s): set the stamp to zero ("now"), or synchronize the '
-                    'clocks'
-                )
-            self._path = now + delay, to_path(message, _WORLD, FlightTarget.here(state))
-
-        self._try(act)
+        now = time.monotonic()
+        state = self._autopilot.state(now)
+        start, stamp_now = state and FlightTarget.here(state), 1e-9 * self._arm.clock.now_ns()
+        self._try(partial(self._targets.go_along, message, _WORLD, start, now, stamp_now))
 
     async def _on_request(
         self, ask: Callable[[], None], _: Trigger.Request, response: Trigger.Response
@@ -369,15 +356,12 @@ def _channels(values: Any, drone: DroneConfig) -> list[int]:
         except ValueError as error:
             raise ValueError(f'{error}, or set output_channels') from None
     given = given or list(range(1, count + 1))
-    if len(given) != count or len(set(given)) != count or not all(0 < x <= most for x in given):
-        raise ValueError(
-            f'the parameter output_channels is {given}: set {count} different numbers from 1 to '
-            f'{most}, one per rotor'
-        )
     low, high = [*values.output_range, 0.0, 0.0][:2]
-    if len(values.output_range) != 2 or not high > low:
+    is_known = len(set(given)) == len(given) == count and all(0 < x <= most for x in given)
+    if not is_known or len(values.output_range) != 2 or not high > low:
         raise ValueError(
-            f'the parameter output_range is {values.output_range}: set two increasing numbers'
+            f'output_channels is {given} and output_range {list(values.output_range)}: set '
+            f'{count} different numbers from 1 to {most}, one per rotor, and two increasing numbers'
         )
     return [channel - 1 for channel in given]
 

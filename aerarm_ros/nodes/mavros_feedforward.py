@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import Imu
 
-from aerarm_ros.autopilot.ardupilot_loop import LoopMotion, LoopOffset
+from aerarm_ros.autopilot.ardupilot import LoopMotion, LoopOffset
 from aerarm_ros.autopilot.mavlink_autopilot import ARDUPILOT, PX4
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig

@@ -53,10 +53,9 @@ from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.ros.states.state_stream import StateSampler
 
 _SETTINGS = (
-    Parameter('objective', ENERGY, (
-        'objective of the optimization: energy, time, or disturbance (peak moment on the base); '
-        'quintic is a straight line in joint space without optimization, for comparison'
-    ), choices=OBJECTIVES, live=True),
+    Parameter('objective', ENERGY,
+        'objective of the optimization: energy or time; quintic is a straight line in joint space '
+        'without optimization, for comparison', choices=OBJECTIVES, live=True),
     Parameter('duration', 2.0,
         'duration of each motion; 0 for the optimal duration', 's', 0.0, 60.0, live=True),
     Parameter('time_price', 10.0,
@@ -68,10 +67,6 @@ _SETTINGS = (
         'light joints; it makes joints whose motion costs no energy move evenly'
     ),
               'J s^3/rad^2', 0.0, 100.0, live=True),
-    Parameter('disturbance_price', 0.0,
-        'weight of the reaction moment on the base in the objective, relative to energy; 3 '
-        'balances moment and energy',
-        'J/(Nm)^2/s', 0.0, 1e6, live=True),
     Parameter('velocity_share', 0.9,
         'fraction of the velocity and acceleration limits that a motion may use', '', 0.01,
               1.0, live=True),

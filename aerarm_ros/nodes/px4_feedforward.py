@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aerarm_ros.autopilot.px4 import ned
-from aerarm_ros.control.base.base_motion import attitude_ned_frd_to_enu_flu
+from aerarm_ros.autopilot.px4 import ned, vehicle_attitude
 from aerarm_ros.ros.flight.set_point_node import SetPointNode, set_point_parameters
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
@@ -51,10 +50,7 @@ class Px4Feedforward(SetPointNode):
 
         return TrajectorySetpoint, VehicleAttitude
 
-    def attitude(self, message: Any) -> NDArray[np.float64]:
-        """Return the attitude of a VehicleAttitude in ROS's axes."""
-        w, x, y, z = (float(value) for value in message.q)
-        return attitude_ned_frd_to_enu_flu([x, y, z, w])
+    attitude = staticmethod(vehicle_attitude)
 
     def publish(self, set_point: Any, now_ns: int) -> None:
         """Publish the OffboardControlMode message that PX4 monitors, then the set point."""

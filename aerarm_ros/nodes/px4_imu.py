@@ -6,7 +6,8 @@ MAVROS this node is not needed: remap the MAVROS topic imu/data to imu.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -17,7 +18,9 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.base.base_motion import attitude_ned_frd_to_enu_flu, frd_to_flu
+from aerarm_ros.autopilot.px4 import vehicle_attitude
+from aerarm_ros.control.base.base_motion import frd_to_flu
+from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import create_steady_timer, run_until_stopped
 from aerarm_ros.ros.messages import imu_message
@@ -60,17 +63,17 @@ class Px4Imu:
         self.status = 0
         self._node = rclpy.create_node(NAME)
         values = PARAMETERS.declare(self._node)
-        self._attitude: list[float] | None = None
+        self._attitude: Array | None = None
         self._attitude_time = 0.0
-        self._samples = self._attitudes = 0
-        self._reported = (0, 0)
+        self._counts = dict.fromkeys((values.sensor_topic, values.attitude_topic), 0)
+        self._reported = dict(self._counts)
         self._imu = topics.IMU.publisher(self._node)
         for kind, topic, act in (
             (SensorCombined, values.sensor_topic, self._on_sensor),
             (VehicleAttitude, values.attitude_topic, self._on_attitude),
         ):
-            self._node.create_subscription(kind, topic, act, qos_profile_sensor_data)
-        self._topics = (values.sensor_topic, values.attitude_topic)
+            take = partial(self._take, topic, act)
+            self._node.create_subscription(kind, topic, take, qos_profile_sensor_data)
         self._clock = ArmClock(self._node)
         self._diagnostics = DiagnosticsPublisher(self._node)
         create_steady_timer(self._node, PERIOD, self._report)
@@ -83,55 +86,34 @@ class Px4Imu:
         """Destroy the node."""
         self._node.destroy_node()
 
+    def _take(self, topic: str, act: Callable[[Any], None], message: Any) -> None:
+        self._counts[topic] += 1
+        act(message)
+
     def _on_attitude(self, message: Any) -> None:
-        self._attitudes += 1
-        w, x, y, z = (float(value) for value in message.q)
-        self._attitude, self._attitude_time = [x, y, z, w], time.monotonic()
+        self._attitude, self._attitude_time = vehicle_attitude(message), time.monotonic()
 
     def _on_sensor(self, message: Any) -> None:
-        self._samples += 1
         stamp = Time(nanoseconds=self._clock.now_ns()).to_msg()
-        if time.monotonic() - self._attitude_time > _ATTITUDE_AGE:
-            self._attitude = None
-        self._imu.publish(
-            to_imu(stamp, self._attitude, message.gyro_rad, message.accelerometer_m_s2)
-        )
+        is_new = time.monotonic() - self._attitude_time <= _ATTITUDE_AGE
+        self._imu.publish(to_imu(stamp, self._attitude if is_new else None, message))
 
     def _report(self) -> None:
-        counts = (self._samples, self._attitudes)
-        silent = [
-            topic
-            for topic, count, before in zip(self._topics, counts, self._reported, strict=True)
-            if count == before
-        ]
-        self._reported = counts
+        silent = [topic for topic, count in self._counts.items() if count == self._reported[topic]]
+        self._reported = dict(self._counts)
         problem = (
             f'no messages received on {" and ".join(silent)}: check that the uXRCE-DDS agent runs'
         )
-        values = {'samples': counts[0], 'attitudes': counts[1]}
-        self._diagnostics.report(problem if silent else '', values)
+        self._diagnostics.report(problem if silent else '', self._counts)
 
 
-def to_imu(
-    stamp: Any,
-    attitude: Sequence[float] | None,
-    angular_velocity: Sequence[float],
-    specific_force: Sequence[float],
-) -> Imu:
-    """Convert a PX4 sample to an Imu message.
+def to_imu(stamp: Any, attitude: Array | None, sample: Any) -> Imu:
+    """Convert a SensorCombined message to an Imu message with a stamp (builtin_interfaces/Time).
 
-    Parameters
-    ----------
-    stamp
-        builtin_interfaces/Time
-    attitude
-        (4,) quaternion (x, y, z, w), forward-right-down in north-east-down; None if unknown.
-    angular_velocity, specific_force
-        (3,) forward-right-down [rad/s], [m/s^2].
+    `attitude` is the quaternion (x, y, z, w), forward-left-up in east-north-up; None if unknown.
     """
-    turned = None if attitude is None else attitude_ned_frd_to_enu_flu(attitude)
-    rate, force = frd_to_flu(angular_velocity), frd_to_flu(specific_force)
-    return imu_message(Header(stamp=stamp), turned, rate, force)
+    rate, force = frd_to_flu(sample.gyro_rad), frd_to_flu(sample.accelerometer_m_s2)
+    return imu_message(Header(stamp=stamp), attitude, rate, force)
 
 
 def main(args: Sequence[str] | None = None) -> int:

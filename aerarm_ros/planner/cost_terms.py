@@ -9,7 +9,6 @@ import numpy.typing as npt
 from aerarm_ros.energy.energy_model import EnergyModel
 from aerarm_ros.excitation.clearance import ClearanceChecker
 from aerarm_ros.excitation.settings import MotionLimits
-from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import Array, JointReference
 from aerarm_ros.planner.spline_basis import SplineBasis
 
@@ -44,18 +43,11 @@ class CostTerm(Protocol):
 _BEGIN = 0.97  # fraction of a limit at which the penalty begins
 
 
-class Excess(NamedTuple):
-    """Penalty of values that exceed their limits, and its derivatives (M, n) by the values."""
-
-    value: float
-    slope: Array
-
-
-def excess(values: Array, limit: Array, penalty: float) -> Excess:
-    """Return the penalty of values (M, n) whose magnitudes exceed limits (n,)."""
+def excess(values: Array, limit: Array, penalty: float) -> tuple[float, Array]:
+    """Return the penalty of values (M, n) beyond their limits (n,), and its slopes (M, n)."""
     beyond = np.maximum(np.abs(values) / limit - _BEGIN, 0.0)
     slope = (2.0 * penalty) * beyond * np.sign(values) / limit
-    return Excess(penalty * float((beyond**2).sum()), slope)
+    return penalty * float((beyond**2).sum()), slope
 
 
 class LimitTerm:
@@ -73,12 +65,9 @@ class LimitTerm:
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
         """Return the penalty and its derivatives, see `TermValue`."""
-        velocity = excess(motion.dq, self._limits.velocity, self._penalty)
-        acceleration = excess(motion.ddq, self._limits.acceleration, self._penalty)
-        value = dt * (velocity.value + acceleration.value)
-        return TermValue(
-            value, np.zeros_like(motion.q), dt * velocity.slope, dt * acceleration.slope
-        )
+        fast, by_dq = excess(motion.dq, self._limits.velocity, self._penalty)
+        hard, by_ddq = excess(motion.ddq, self._limits.acceleration, self._penalty)
+        return TermValue(dt * (fast + hard), np.zeros_like(motion.q), dt * by_dq, dt * by_ddq)
 
 
 # [m] added to the required distance, because links may be closer between instants
@@ -127,52 +116,6 @@ class ClearanceTerm:
         margin = self._clearance.margin(q)
         self._seen[0][k], self._seen[1][k] = q, margin
         return margin
-
-
-class DisturbanceTerm:
-    """Cost term: moment that a motion exerts on the base, with most weight on its peak.
-
-    The moment m is that of the reaction on the base when links and rotors accelerate, `M_bj ddq +
-    c_b` of the free-base model. The moment of the arm's weight is excluded, because it depends on
-    the posture and not on the motion. The term is the integral of ``scale^2 (|m| / scale)^(2
-    power)``.
-
-    Parameters
-    ----------
-    price : float
-        Price of squared moment over time [J/(Nm)^2/s], at a moment equal to `scale`.
-    scale : float
-        Moment above which the price rises steeply [Nm].
-    power : int
-        Exponent; higher values give more weight to the peak.
-    """
-
-    def __init__(self, body: WholeBodyDynamics, price: float, scale: float, power: int = 3) -> None:
-        self._body = body
-        self._price = price
-        self._scale = scale
-        self._power = power
-
-    def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the cost and its derivatives, see `TermValue`."""
-        count, n = motion.q.shape
-        moment, slopes = np.empty((count, 3)), np.empty((3, count, 3, n))
-        for k, row in enumerate(zip(*motion, strict=True)):
-            wrench, *by = self._body.reaction_with_slopes(*row)
-            moment[k] = wrench[3:]
-            slopes[:, k] = [slope[3:] for slope in by]
-        square = (moment**2).sum(axis=1) / self._scale**2
-        value = dt * self._price * self._scale**2 * float((square**self._power).sum())
-        factor = 2.0 * dt * self._price * self._power * square ** (self._power - 1)
-        by_moment = factor[:, np.newaxis] * moment
-        return TermValue(value, *np.einsum('mi,dmij->dmj', by_moment, slopes))
-
-
-def peak_moment(body: WholeBodyDynamics, motion: JointReference) -> float:
-    """Return the largest moment [Nm] that a motion exerts on the base at M instants."""
-    still = np.zeros(3)
-    rows: list[Array] = [body.forces(*row, still)[3:6] for row in zip(*motion, strict=True)]
-    return float(np.linalg.norm(rows, axis=1).max())
 
 
 # Widths over which the sign of a velocity [rad/s] and the sign of a power [W] are smoothed.
@@ -235,10 +178,10 @@ class DriveTerm:
         lost = 1.0 - drives.recovery
         taken = power + lost * 0.5 * (root - power)
         by_power = self._price * (1.0 + lost * 0.5 * (power / root - 1.0))
-        too_much = excess(tau, self._effort_max, self._penalty)
+        strong, slope = excess(tau, self._effort_max, self._penalty)
         by_tau = by_power * (2.0 * drives.copper_per_torque2 * tau + drives.shaft * dq)
         by_dq: Array = by_power * drives.shaft * tau
-        return self._price * float(taken.sum()) + too_much.value, by_tau + too_much.slope, by_dq
+        return self._price * float(taken.sum()) + strong, by_tau + slope, by_dq
 
 
 class SmoothnessTerm:

@@ -13,7 +13,16 @@ class PlanError(ValueError):
     """Error for a goal that the arm cannot reach; the message names the violated limit."""
 
 
-ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 'disturbance')
+ENERGY, TIME, QUINTIC = OBJECTIVES = ('energy', 'time', 'quintic')
+
+
+_RANGES = {
+    'duration': (0.0, 60.0, 's'),
+    'time_price': (0.0, 1e5, 'W'),
+    'smoothness': (0.0, 100.0, 'J s^3/rad^2'),
+    'velocity_share': (0.01, 1.0, ''),
+    'effort_share': (0.01, 1.0, ''),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +33,7 @@ class PlanSettings:
     ----------
     objective : str
         'energy': least energy; 'time': shortest duration; 'quintic': straight in joint space, for
-        comparison; 'disturbance': least peak moment on the base.
+        comparison.
     duration : float
         Duration of the motion [s]; 0 lets the planner choose it. If energy is minimized, the
         planner chooses the duration at which a further second saves less energy than
@@ -34,15 +43,8 @@ class PlanSettings:
     smoothness : float
         Price of squared acceleration for the joint with the largest inertia [J s^3/rad^2], if
         energy is minimized; lighter joints have a higher price, see `prices_by_lightness`.
-    disturbance_price : float
-        Price of the moment on the base [J/(Nm)^2/s], if energy is minimized, see `DisturbanceTerm`;
-        0 for none.
     velocity_share, effort_share : float
         Usable fraction of velocity and acceleration limits, and of torque and current limits.
-    knots : int
-        Number of free points of each joint's spline.
-    samples : int
-        Number of instants at which a motion is evaluated during planning.
 
     Raises
     ------
@@ -54,24 +56,14 @@ class PlanSettings:
     duration: float = 0.0
     time_price: float = 10.0
     smoothness: float = 0.03
-    disturbance_price: float = 0.0
     velocity_share: float = 0.9
     effort_share: float = 0.8
-    knots: int = 8
-    samples: int = 32
 
     def __post_init__(self) -> None:
         """Validate all values."""
         check_choice('plan', 'objective', self.objective, OBJECTIVES)
-        check_range('plan', 'duration', self.duration, 0.0, 60.0, 's')
-        check_range('plan', 'time_price', self.time_price, 0.0, 1e5, 'W')
-        check_range('plan', 'smoothness', self.smoothness, 0.0, 100.0, 'J s^3/rad^2')
-        price = self.disturbance_price
-        check_range('plan', 'disturbance_price', price, 0.0, 1e6, 'J/(Nm)^2/s')
-        for key in ('velocity_share', 'effort_share'):
-            check_range('plan', key, getattr(self, key), 0.01, 1.0, '')
-        check_range('plan', 'knots', self.knots, 1, 50, '')
-        check_range('plan', 'samples', self.samples, 4 * self.knots, 1000, '')
+        for key, (low, high, unit) in _RANGES.items():
+            check_range('plan', key, getattr(self, key), low, high, unit)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Planner of motions with least energy, least reaction on the base, or shortest duration."""
+"""Planner of motions with least energy or shortest duration."""
 
 from __future__ import annotations
 
@@ -16,22 +16,18 @@ from aerarm_ros.excitation.feasibility import EffortModel, FeasibilityChecker, F
 from aerarm_ros.excitation.settings import MotionLimits
 from aerarm_ros.excitation.trajectory import standstill
 from aerarm_ros.model.kinematics import Kinematics
-from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.polynomial_path import PolynomialPath, rest_to_rest_duration
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.planner.cost_terms import (
     ClearanceTerm,
     CostTerm,
-    DisturbanceTerm,
     DriveTerm,
     LimitTerm,
     MotionCost,
     SmoothnessTerm,
-    peak_moment,
     prices_by_lightness,
 )
 from aerarm_ros.planner.motion_plan import (
-    DISTURBANCE,
     ENERGY,
     QUINTIC,
     TIME,
@@ -164,13 +160,7 @@ _CHANGE = 1e-6  # relative change of the cost at which the search ends
 _QUICK = 1e3  # price of a second if only the duration is minimized
 _STRETCH = 1.02  # factor by which a motion of free duration is slowed per step
 _STRETCHES = 40
-_LEAST_MOMENT = 1e-3  # [Nm]
-_NOTHING_ELSE = 1e3  # [J/(Nm)^2/s] price of moments that is so high that energy is negligible
-# Fraction of a peak above which moments cost, and the exponent: first for all large moments, so
-# that the search converges, then for the peak.
-_BLUNT, _SHARP = (0.5, 3), (0.9, 20)
-# number of free points and instants for a motion with minimized peak moment
-_LEAST_FREEDOM = (12, 48)
+_POINTS, _INSTANTS = 8, 32  # free points of each joint's spline, and evaluated instants
 _GLANCES = 5  # postures on the straight path used to determine the joints' inertia
 # Fractions by which a motion that slightly violates a limit is moved towards the straight motion.
 _TOWARD_QUINTIC = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
@@ -199,7 +189,6 @@ class MotionPlanner:
         self._model = model
         self._setup = setup
         rotors = model.dynamics.rotor_inertia
-        self._body = WholeBodyDynamics(setup.robot, rotors)
         # The check uses the same friction as the planned energy.
         self._efforts = EffortModel(
             setup.robot, rotors, setup.torque_per_ampere, model.load_friction
@@ -214,8 +203,7 @@ class MotionPlanner:
             self._limits.effort, self._limits.current * setup.torque_per_ampere
         )
         self._checker = FeasibilityChecker(self._limits, setup.clearance, self._efforts)
-        least = _LEAST_FREEDOM if settings.objective == DISTURBANCE else (0, 0)
-        self._basis = SplineBasis.of(*map(max, (settings.knots, settings.samples), least))
+        self._basis = SplineBasis.of(_POINTS, _INSTANTS)
 
     def with_settings(self, **changes: object) -> MotionPlanner:
         """Return a copy of the planner with changed settings."""
@@ -232,7 +220,6 @@ class MotionPlanner:
         """Add a payload (10,) to the last link, see `Dynamics.carry`; ValueError if impossible."""
         self._model.carry(payload)
         self._efforts.carry(payload)
-        self._body.carry(payload)
 
     def plan_tool(
         self, start: ArrayLike, point: ArrayLike, frame: str = 'tool0', hold_time: float = 5.0
@@ -288,12 +275,7 @@ class MotionPlanner:
         settings = self.settings
         if settings.objective == QUINTIC:
             return self._quintic(q0, q1)
-        if settings.objective == DISTURBANCE and not settings.duration:
-            raise PlanError(
-                'objective disturbance needs a duration, because longer motions always disturb the '
-                'base less: set duration'
-            )
-        if settings.duration and settings.objective in (ENERGY, DISTURBANCE):
+        if settings.duration and settings.objective == ENERGY:
             return self._of_duration(q0, q1, settings.duration)
         standby = self._model.config.power_stage.standby
         price = _QUICK if settings.objective == TIME else settings.time_price + standby
@@ -326,14 +308,10 @@ class MotionPlanner:
     def _of_duration(self, q0: Array, q1: Array, duration: float) -> MotionPlan:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = first = self._basis.points_near(near)
-        further = self._further_terms(near)
+        further = self._smoothness_terms(near)
         checks_clearance = False
-        heavier = 1.0 + self._disturbance_price
-        if self.settings.objective == DISTURBANCE:
-            points, _ = self._searched(MotionCost(self._basis, q0, q1, further), points, duration)
-            further = self._further_terms(self._basis.path(points, q0, q1, duration), sharp=True)
         for penalty in _PENALTIES:
-            terms = [*self._terms(1.0, heavier * penalty, checks_clearance), *further]
+            terms = [*self._terms(1.0, penalty, checks_clearance), *further]
             cost = MotionCost(self._basis, q0, q1, terms)
             points = self._searched(cost, points, duration)[0]
             path = self._basis.path(points, q0, q1, duration)
@@ -354,7 +332,7 @@ class MotionPlanner:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = self._basis.points_near(near)
         is_priced = self.settings.objective == ENERGY
-        further = self._further_terms(near) if is_priced else []
+        further = self._smoothness_terms(near) if is_priced else []
         checks_clearance = False
         for penalty in _PENALTIES:
             terms = [*self._terms(float(is_priced), 10.0 * penalty, checks_clearance), *further]
@@ -389,30 +367,14 @@ class MotionPlanner:
             terms.append(ClearanceTerm(self._setup.clearance, penalty))
         return terms
 
-    @property
-    def _disturbance_price(self) -> float:
-        settings = self.settings
-        is_all = settings.objective == DISTURBANCE
-        return _NOTHING_ELSE if is_all else settings.disturbance_price
-
-    def _further_terms(self, near: PolynomialPath, sharp: bool = False) -> list[CostTerm]:
-        """Return the cost terms of the joint accelerations and of the moment on the base.
-
-        If `sharp`, only moments close to the peak moment of the motion `near` have a cost.
-        """
-        smoothness, price = self.settings.smoothness, self._disturbance_price
-        terms: list[CostTerm] = []
-        if smoothness:
-            postures = near.evaluate(np.linspace(0.0, near.duration, _GLANCES)).q
-            matrices = [self._model.dynamics.inertia_matrix(q) for q in postures]
-            inertia = np.mean([np.diag(matrix) for matrix in matrices], axis=0)
-            terms.append(SmoothnessTerm(prices_by_lightness(smoothness, inertia)))
-        if price:
-            times = np.linspace(0.0, near.duration, self._basis.samples)
-            share, power = _SHARP if sharp else _BLUNT
-            scale = max(share * peak_moment(self._body, near.evaluate(times)), _LEAST_MOMENT)
-            terms.append(DisturbanceTerm(self._body, price, scale, power))
-        return terms
+    def _smoothness_terms(self, near: PolynomialPath) -> list[CostTerm]:
+        """Return the cost term of the joint accelerations for motions near a given one."""
+        if not self.settings.smoothness:
+            return []
+        postures = near.evaluate(np.linspace(0.0, near.duration, _GLANCES)).q
+        matrices = [self._model.dynamics.inertia_matrix(q) for q in postures]
+        inertia = np.mean([np.diag(matrix) for matrix in matrices], axis=0)
+        return [SmoothnessTerm(prices_by_lightness(self.settings.smoothness, inertia))]
 
     def _searched(
         self, cost: MotionCost, points: Array, duration: float, is_free: bool = False

@@ -17,30 +17,11 @@ from aerarm_ros.description.drone_config import DroneConfig, PoseConfig
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.motion.signals import Array
 
-
-@dataclass(frozen=True)
-class GeometrySpread:
-    """Standard deviations of a manufactured arm's geometry from the nominal geometry.
-
-    Attributes
-    ----------
-    offset : float
-        Standard deviation of the joints' zeros [rad].
-    length, tilt : float
-        Standard deviations of a joint's position per axis [m], and of its direction [rad].
-    mount_length, mount_tilt : float
-        Standard deviations of position [m] and direction [rad] of the arm's base on its vehicle.
-    imu_length, imu_tilt : float
-        Standard deviations of position [m] and direction [rad] of the IMU on the drone.
-    """
-
-    offset: float = 0.010
-    length: float = 1e-3
-    tilt: float = 2e-3
-    mount_length: float = 3e-3
-    mount_tilt: float = 0.02
-    imu_length: float = 2e-3
-    imu_tilt: float = 0.01
+# Standard deviations: of the joints' zeros [rad], of a joint's position per axis [m] and direction
+# [rad], and the same of the arm's base on its vehicle and of the IMU on the drone.
+_OFFSET, _LENGTH, _TILT = 0.010, 1e-3, 2e-3
+_MOUNT_LENGTH, _MOUNT_TILT = 3e-3, 0.02
+_IMU_LENGTH, _IMU_TILT = 2e-3, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +46,12 @@ class MadeGeometry:
     imu_turn: Array
 
     @classmethod
-    def of(cls, robot: Robot, seed: int, spread: GeometrySpread | None = None) -> MadeGeometry:
-        """Return an arm with normally distributed errors of the given standard deviations."""
-        spread = spread or GeometrySpread()
+    def of(cls, robot: Robot, seed: int) -> MadeGeometry:
+        """Return an arm with normally distributed errors."""
         random = np.random.default_rng([seed, 37])
         n = robot.n
-        shifts = spread.length * random.standard_normal((n, 3))
-        turns = spread.tilt * random.standard_normal((n, 3))
+        shifts = _LENGTH * random.standard_normal((n, 3))
+        turns = _TILT * random.standard_normal((n, 3))
         text = displaced_urdf(robot.urdf_text, robot.joint_names, shifts, turns)
         made = load_robot(
             text, gravity_in_base=robot.gravity_in_base, joint_names=robot.joint_names
@@ -80,11 +60,11 @@ class MadeGeometry:
         made = replace(made, prefix=robot.prefix, path=robot.path)
         return cls(
             made,
-            spread.offset * random.standard_normal(n),
-            spread.mount_length * random.standard_normal(3),
-            spread.mount_tilt * random.standard_normal(3),
-            spread.imu_length * random.standard_normal(3),
-            spread.imu_tilt * random.standard_normal(3),
+            _OFFSET * random.standard_normal(n),
+            _MOUNT_LENGTH * random.standard_normal(3),
+            _MOUNT_TILT * random.standard_normal(3),
+            _IMU_LENGTH * random.standard_normal(3),
+            _IMU_TILT * random.standard_normal(3),
         )
 
     def config(self, drawn: ArmConfig) -> ArmConfig:

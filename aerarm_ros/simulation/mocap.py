@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -22,22 +20,7 @@ _BODY = 0.2  # [m] between the markers of the drone
 _TWO = 2  # smallest number of cameras that must see a marker
 _CORNERS = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
 _ITERATIONS = 15
-
-
-@dataclass(frozen=True)
-class MocapSettings:
-    """Measurement errors of the emulated motion capture.
-
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of a marker's position per axis [m].
-    dropout : float
-        Fraction of frames in which a marker is lost at random.
-    """
-
-    noise: float = 0.2e-3
-    dropout: float = 0.02
+_FOCAL, _SIDE = 1200.0, 0.08  # focal length of the camera [px], side of the optical marker [m]
 
 
 class EmulatedMocap:
@@ -48,8 +31,10 @@ class EmulatedMocap:
 
     Parameters
     ----------
-    markers : sequence of (3,)
-        In the link's frame [m].
+    noise : float
+        Standard deviation of a marker's position per axis [m].
+    dropout : float
+        Fraction of frames in which a marker is lost at random.
 
     Attributes
     ----------
@@ -57,16 +42,10 @@ class EmulatedMocap:
         Pose of the world in the motion capture's frame.
     """
 
-    def __init__(
-        self,
-        link: str,
-        seed: int,
-        settings: MocapSettings | None = None,
-        markers: tuple[tuple[float, ...], ...] = MARKERS,
-    ) -> None:
+    def __init__(self, link: str, seed: int, noise: float = 0.2e-3, dropout: float = 0.02) -> None:
         self._link = link
-        self._settings = settings or MocapSettings()
-        self._markers = np.array(markers)
+        self._deviation, self._dropout = noise, dropout
+        self._markers = np.array(MARKERS)
         random = np.random.default_rng([seed, 38])
         self._random = random
         self._normals = self._markers * (0.3, 1.0, 1.0)
@@ -93,11 +72,10 @@ class EmulatedMocap:
 
     def read(self, plant: ArmPlant) -> Array:
         """Measure the marker positions (K, 3) [m] with noise; NaN for hidden or lost markers."""
-        settings = self._settings
         seen = self._visible(plant)
         position = self.true_positions(plant)
-        position = position + settings.noise * self._random.standard_normal(position.shape)
-        lost = self._random.random(len(position)) < settings.dropout
+        position = position + self._deviation * self._random.standard_normal(position.shape)
+        lost = self._random.random(len(position)) < self._dropout
         position[~seen | lost] = np.nan
         return position
 
@@ -106,7 +84,7 @@ class EmulatedMocap:
 
         The noise is that of a rigid body of markers with a distance of 0.2 m.
         """
-        base, noise = plant.base, self._settings.noise
+        base, noise = plant.base, self._deviation
         turn = noise / _BODY * self._random.standard_normal(3)
         rotation = self.rotation @ rotation_of(base.quaternion) @ rotation_about(turn)
         place = self.rotation @ base.position + self.translation
@@ -121,25 +99,6 @@ class EmulatedMocap:
         return np.asarray((facing > _STEEP).sum(axis=1) >= _TWO)
 
 
-@dataclass(frozen=True)
-class CameraSettings:
-    """Properties of an emulated camera and of the optical marker that it detects.
-
-    Attributes
-    ----------
-    focal_length : float
-        Focal length of the camera [px].
-    pixel_noise : float
-        Standard deviation of a corner's coordinates [px].
-    side : float
-        Side length of the marker [m].
-    """
-
-    focal_length: float = 1200.0
-    pixel_noise: float = 0.15
-    side: float = 0.08
-
-
 class EmulatedCamera:
     """Emulated camera that estimates the pose of an optical marker, like an ArUco detector.
 
@@ -149,23 +108,20 @@ class EmulatedCamera:
 
     Parameters
     ----------
+    noise : float
+        Standard deviation of a corner's coordinates [px].
     eye_in_hand : bool
         Whether the camera is on the link, and the marker fixed in the world.
     """
 
     def __init__(
-        self,
-        link: str,
-        seed: int,
-        settings: CameraSettings | None = None,
-        eye_in_hand: bool = False,
+        self, link: str, seed: int, noise: float = 0.15, eye_in_hand: bool = False
     ) -> None:
         self._link = link
-        self._settings = settings or CameraSettings()
+        self._noise = noise
         self._eye_in_hand = eye_in_hand
         self._random = np.random.default_rng([seed, 39])
-        half = self._settings.side
-        self._corners = np.array([(half * x, half * y, 0.0) for x, y in _CORNERS])
+        self._corners = np.array([(_SIDE * x, _SIDE * y, 0.0) for x, y in _CORNERS])
         # The marker faces a camera 1.2 m away; on a link it is turned away from the axis.
         self._on_link = rotation_about(np.array([0.2, 1.3, -0.1])), np.array([0.08, 0.0, 0.05])
         self._fixed = _looking((0.9, -0.9, 0.5), (0.1, 0.0, 0.3))
@@ -179,10 +135,9 @@ class EmulatedCamera:
         normal, view = rotation[:, 2], place / np.linalg.norm(place)
         if place[2] < 0.1 or float(normal @ view) > -0.25:
             return None
-        settings = self._settings
         corners = place + self._corners @ rotation.T
-        pixels = settings.focal_length * corners[:, :2] / corners[:, 2:]
-        pixels += settings.pixel_noise * self._random.standard_normal(pixels.shape)
+        pixels = _FOCAL * corners[:, :2] / corners[:, 2:]
+        pixels += self._noise * self._random.standard_normal(pixels.shape)
         return self._solved(pixels, rotation, place)
 
     def true_pose(self, plant: ArmPlant) -> tuple[Array, Array]:
@@ -195,15 +150,14 @@ class EmulatedCamera:
 
     def _solved(self, pixels: Array, rotation: Array, place: Array) -> tuple[Array, Array]:
         """Return the marker pose with the least reprojection error, by the Gauss-Newton method."""
-        focal = self._settings.focal_length
         for _ in range(_ITERATIONS):
             turned = self._corners @ rotation.T
             corners = turned + place
             x, y, z = corners.T
-            residual = (focal * corners[:, :2] / z[:, None] - pixels).ravel()
+            residual = (_FOCAL * corners[:, :2] / z[:, None] - pixels).ravel()
             jacobian = np.zeros((len(corners), 2, 6))
-            jacobian[:, 0, 0] = jacobian[:, 1, 1] = focal / z
-            jacobian[:, 0, 2], jacobian[:, 1, 2] = -focal * x / z**2, -focal * y / z**2
+            jacobian[:, 0, 0] = jacobian[:, 1, 1] = _FOCAL / z
+            jacobian[:, 0, 2], jacobian[:, 1, 2] = -_FOCAL * x / z**2, -_FOCAL * y / z**2
             jacobian[:, :, 3:] = np.cross(turned[:, None], jacobian[:, :, :3])
             step = -np.linalg.lstsq(jacobian.reshape(-1, 6), residual, rcond=None)[0]
             place = place + step[:3]

@@ -1,8 +1,7 @@
 """Errors of emulated sensors: delay, drift and noise."""
 
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from math import exp, sqrt
 from typing import Generic, TypeVar
 
@@ -174,12 +173,15 @@ ImuReading = tuple[Array, Array, Array]
 _ATTITUDE_TIME = 10.0  # [s] correlation time of an attitude filter's error
 
 
-@dataclass(frozen=True)
-class ImuErrors:
-    """Errors of an emulated IMU, as standard deviations per axis.
+class FaultyImu:
+    """Adds errors to the readings of an ideal IMU; all errors are standard deviations per axis.
 
-    Attributes
+    Parameters
     ----------
+    period : float
+        Interval of readings [s].
+    seed : int
+        Seed of the errors.
     force_noise, rate_noise : float
         White noise of specific force [m/s^2] and angular velocity [rad/s] in a sample.
     force_bias, rate_bias : float
@@ -188,82 +190,54 @@ class ImuErrors:
         Slowly changing error of the attitude [rad].
     """
 
-    force_noise: float = 0.0
-    rate_noise: float = 0.0
-    force_bias: float = 0.0
-    rate_bias: float = 0.0
-    attitude: float = 0.0
-
-
-class FaultyImu:
-    """Adds errors (`ImuErrors`) to the readings of an ideal IMU.
-
-    Parameters
-    ----------
-    period : float
-        Interval of readings [s].
-    seed : int
-        Seed of the errors.
-    """
-
-    def __init__(self, errors: ImuErrors, period: float, seed: int) -> None:
-        random = np.random.default_rng(seed)
-        self._errors = errors
-        self._random = random
-        self._force_bias = errors.force_bias * random.standard_normal(3)
-        self._rate_bias = errors.rate_bias * random.standard_normal(3)
-        self._attitude = RandomDrift(errors.attitude, _ATTITUDE_TIME, period, random)
+    def __init__(
+        self, period: float, seed: int, force_noise: float = 0.0, rate_noise: float = 0.0,
+        force_bias: float = 0.0, rate_bias: float = 0.0, attitude: float = 0.0,
+    ) -> None:  # fmt: skip
+        self._random = random = np.random.default_rng(seed)
+        self._force_noise, self._rate_noise = force_noise, rate_noise
+        self._force_bias = force_bias * random.standard_normal(3)
+        self._rate_bias = rate_bias * random.standard_normal(3)
+        self._attitude = RandomDrift(attitude, _ATTITUDE_TIME, period, random)
 
     def apply(self, reading: ImuReading) -> ImuReading:
         """Return attitude (x, y, z, w), angular velocity and specific force with added errors."""
         attitude, rate, force = reading
-        errors, noise = self._errors, self._random.standard_normal((2, 3))
+        noise = self._random.standard_normal((2, 3))
         return (
             turned(attitude, self._attitude.update()),
-            rate + self._rate_bias + errors.rate_noise * noise[0],
-            force + self._force_bias + errors.force_noise * noise[1],
+            rate + self._rate_bias + self._rate_noise * noise[0],
+            force + self._force_bias + self._force_noise * noise[1],
         )
 
 
 OdometryReading = tuple[Array, Array, Array, Array]
 
 
-@dataclass(frozen=True)
-class OdometryErrors:
-    """White noise of an emulated odometry, as standard deviations per axis.
-
-    Attributes
-    ----------
-    position, velocity, attitude, rate : float
-        Standard deviations [m], [m/s], [rad], [rad/s].
-    """
-
-    position: float = 0.0
-    velocity: float = 0.0
-    attitude: float = 0.0
-    rate: float = 0.0
-
-
 class NoisyOdometry:
-    """Adds noise (`OdometryErrors`) to the true odometry.
+    """Adds white noise to the true odometry.
 
     Parameters
     ----------
     seed : int
         Seed of the noise.
+    deviations : sequence of float
+        Standard deviations per axis of position [m], velocity [m/s], attitude [rad] and angular
+        velocity [rad/s].
     """
 
-    def __init__(self, errors: OdometryErrors, seed: int) -> None:
-        self._errors = errors
+    def __init__(self, seed: int, deviations: Sequence[float]) -> None:
+        self._deviations = deviations
         self._random = np.random.default_rng(seed)
 
     def apply(self, reading: OdometryReading) -> OdometryReading:
         """Return position, attitude, velocity and angular velocity with added noise."""
+        of_place, of_speed, of_attitude, of_rate = self._deviations
         position, attitude, velocity, rate = reading
-        errors, noise = self._errors, self._random.standard_normal((4, 3))
+        noise = self._random.standard_normal((4, 3))
         return (
-            position + errors.position * noise[0],
-            turned(attitude, errors.attitude * noise[1]),
-            velocity + errors.velocity * noise[2],
-            rate + errors.rate * noise[3],
+            position + of_place * noise[0],
+            turned(attitude, of_attitude * noise[1]),
+            velocity + of_speed * noise[2],
+            rate + of_rate * noise[3],
         )

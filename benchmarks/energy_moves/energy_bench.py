@@ -1,12 +1,12 @@
 """Test bench that plays motions with nodes in lockstep and measures their energies."""
 
 import json
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from energy_moves.move import PLANNED, Move
 from flying.arm_model import ArmModel
 from flying.node_bench import PATIENCE, NodeBench
 from rclpy.node import Node
@@ -22,11 +22,67 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.energy.energy_model import BalanceMeter, EnergyModel, HoldingLoss
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.planner.motion_plan import QUINTIC, PlanError
+from aerarm_ros.planner.motion_planner import MotionPlanner
 from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.ros.requests.parameter_request import ParameterRequest
+
+PLANNED, TRAPEZOID = 'planned', 'trapezoid'
+SHAPES = (PLANNED, QUINTIC, TRAPEZOID)
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """Move from rest to rest between postures (n,) [rad] in a duration [s]."""
+
+    start: np.ndarray
+    goal: np.ndarray
+    duration: float
+
+    @property
+    def back(self) -> 'Move':
+        """Move in the opposite direction."""
+        return Move(self.goal, self.start, self.duration)
+
+    def path(self, shape: str) -> PolynomialPath:
+        """Return the path of the move as a quintic or a trapezoid."""
+        make = trapezoid if shape == TRAPEZOID else PolynomialPath.rest_to_rest
+        return make(self.start, self.goal, self.duration)
+
+
+def trapezoid(start: np.ndarray, end: np.ndarray, duration: float) -> PolynomialPath:
+    """Return a rest-to-rest path between postures (n,) with trapezoidal velocity.
+
+    Acceleration in the first and deceleration in the last third of the time are constant.
+    """
+    shares = np.zeros((3, 6))  # coefficients of 1, x, x^2 in each third
+    shares[:, :3] = [[0.0, 0.0, 0.25], [0.25, 0.5, 0.0], [0.75, 0.5, -0.25]]
+    coefficients = shares[:, :, np.newaxis] * (end - start)
+    coefficients[:, 0] += start
+    return PolynomialPath(tuple(duration / 3.0 * np.arange(4.0)), coefficients)
+
+
+def draw_moves(planner: MotionPlanner, seed: int, durations: list[float]) -> Iterator[Move]:
+    """Yield random moves, uniform over the joint ranges and between two durations [s].
+
+    Only moves that are feasible as quintics in both directions are yielded, for comparison.
+    """
+    random = np.random.default_rng(seed)
+    low, high = planner.limits.position_min, planner.limits.position_max
+    while True:
+        start, goal = random.uniform(low, high, (2, len(low)))
+        duration = float(random.uniform(*durations))
+        quintic = planner.with_settings(objective=QUINTIC, duration=duration)
+        try:
+            quintic.plan(start, goal)
+            quintic.plan(goal, start)
+        except PlanError:
+            continue
+        yield Move(start, goal, duration)
+
 
 LEAD = 1.0  # [s] from a message to its motion
 SETTLE = 0.2  # [s] after a motion that belong to it

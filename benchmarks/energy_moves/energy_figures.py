@@ -1,15 +1,17 @@
-"""Energy that planned motions save, and accuracy of the predicted energy."""
+"""Energy that planned motions save and accuracy of the predicted energy, as text and page."""
 
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from energy_moves.energy_bench import SETTLE, Taken
-from energy_moves.move import PLANNED, TRAPEZOID
+from energy_moves.energy_bench import PLANNED, SETTLE, TRAPEZOID, Taken
+from flying.pages import figure
 
+from aerarm_ros.pages.html_text import Html, bullets, paragraph, section, table
 from aerarm_ros.planner.motion_plan import QUINTIC
 
 SAVING, PREDICTED, WITHIN = 0.45, 0.9, 0.1
+OTHERS = (QUINTIC, TRAPEZOID)
 GOALS = (
     f'Goals: median saving of {100 * SAVING:.0f} % relative to the quintic, no move worse; '
     f'prediction within 10 % for {100 * PREDICTED:.0f} % of the moves; tracking error not above '
@@ -69,7 +71,7 @@ class EnergyFigures:
     def savings(self) -> list[tuple[Any, ...]]:
         """Return one row per other shape: its name, and a number for each of `SAVINGS`."""
         rows = []
-        for other in (QUINTIC, TRAPEZOID):
+        for other in OTHERS:
             saving = 100.0 * self.saving(other)
             low, middle, high = np.percentile(saving, (10, 50, 90)).tolist()
             worse = int((saving < 0.0).sum())
@@ -78,28 +80,15 @@ class EnergyFigures:
 
     def text(self, standby: float, watt_hours: float) -> str:
         """Return the figures and the goals as text."""
-        lines = [
-            f'{"":10} {"J a move":>9} {"predicted":>10} {"RMS":>6} {"RMS":>6} {"largest":>8} '
-            f'{"battery":>8}'
-        ]
-        lines.append(
-            f'{"":10} {"median":>9} {"within 10%":>10} {"mrad":>6} {"median":>6} {"mrad":>8} '
-            f'{"min":>8}'
+        lines = []
+        tables = (
+            ('', COLUMNS, self.rows(standby, watt_hours)),
+            ('saving relative to ', SAVINGS, self.savings()),
         )
-        for shape, joules, predicted, rms, median, largest, minutes in self.rows(
-            standby, watt_hours
-        ):
-            lines.append(
-                f'{shape:10} {joules:9.2f} {predicted:9.0f}% {rms:6.2f} {median:6.2f} '
-                f'{largest:8.2f} {minutes:8.0f}'
-            )
-        count = len(self.by_shape[PLANNED])
-        for other, middle, least, low, high, worse in self.savings():
-            lines.append(
-                f'saving relative to {other} of the same duration: median {middle:.1f} %, '
-                f'smallest {least:.1f} %, p10 {low:.1f} %, p90 {high:.1f} %; worse: {worse} of '
-                f'{count}'
-            )
+        for what, columns, rows in tables:
+            for name, *values in rows:
+                shown = [f'{column} {x:.2f}' for column, x in zip(columns, values, strict=True)]
+                lines.append(f'{what}{name}: {", ".join(shown)}')
         return '\n'.join([*lines, GOALS])
 
 
@@ -110,3 +99,77 @@ def figures(results: list[Taken]) -> EnergyFigures:
         shapes.setdefault(one.shape, {})[one.pair] = one
     common = sorted(set.intersection(*(set(rows) for rows in shapes.values())))
     return EnergyFigures({shape: [rows[k] for k in common] for shape, rows in shapes.items()})
+
+
+def energy_page(
+    found: EnergyFigures, standby: float, watt_hours: float, note: str, refused: list[str]
+) -> list[str]:
+    """Return the page of the energy campaign as HTML.
+
+    Parameters
+    ----------
+    found
+        Measured figures.
+    standby
+        Power of the boards without motor current [W].
+    watt_hours
+        Energy of the battery [Wh].
+    note
+        Description of the played moves.
+    refused
+        Moves that were not completed, with the reason.
+    """
+    names = list(found.by_shape)
+    rows = found.rows(standby, watt_hours)
+    body = [
+        paragraph(note, 'lead'),
+        paragraph(GOALS, 'note'),
+        section('Energy per move', table(['shape', *COLUMNS], rows, [names.index(PLANNED)])),
+        section('Saving by planning', table(['than the', *SAVINGS], found.savings())),
+        section('Energy of a move', _against(found)),
+        section('Saving and duration', _saving(found)),
+        section('Predicted and measured', _predicted(found)),
+        section('Tracking error', _tracking(found)),
+    ]
+    if refused:
+        body.append(section('Not played', bullets(refused)))
+    return body
+
+
+def _against(found: EnergyFigures) -> Html:
+    planned = found.column(PLANNED, 'measured')
+    top = float(found.column(QUINTIC, 'measured').max())
+    traces = [_points(other, found.column(other, 'measured'), planned) for other in OTHERS]
+    for name, share in (('as much', 1.0), ('half', 0.5)):
+        line = {'dash': 'dash', 'width': 1}
+        ends: dict[str, Any] = {'x': [0.0, top], 'y': [0.0, share * top], 'line': line}
+        traces.append({'type': 'scatter', 'mode': 'lines', 'name': name, **ends})
+    return figure('against', traces, 'other shape, same duration [J]', 'planned [J]')
+
+
+def _saving(found: EnergyFigures) -> Html:
+    duration = found.column(PLANNED, 'duration')
+    traces = [_points(f'than {x}', duration, 100.0 * found.saving(x)) for x in OTHERS]
+    return figure('saving', traces, 'duration [s]', 'less [%]')
+
+
+def _predicted(found: EnergyFigures) -> Html:
+    traces = []
+    for shape in found.by_shape:
+        measured = found.column(shape, 'measured')
+        off = 100.0 * (found.column(shape, 'predicted') / measured - 1.0)
+        traces.append(_points(shape, measured, off))
+    return figure('predicted', traces, 'measured [J]', 'predicted minus measured [%]')
+
+
+def _tracking(found: EnergyFigures) -> Html:
+    traces = [
+        {'type': 'box', 'y': np.round(found.column(shape, 'rms'), 3).tolist(), 'name': shape}
+        for shape in found.by_shape
+    ]
+    return figure('tracking', traces, '', 'RMS error of a move [mrad]')
+
+
+def _points(name: str, x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    places = {'x': np.round(x, 3).tolist(), 'y': np.round(y, 3).tolist()}
+    return {'type': 'scatter', 'mode': 'markers', 'name': name, **places}

@@ -10,8 +10,14 @@ from pathlib import Path
 import numpy as np
 from flying.firmware_program import FirmwareProgram
 
-from aerarm_ros.autopilot.betaflight_flight import BetaflightSetup, mixer_of
-from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, BetaflightLink
+from aerarm_ros.autopilot.betaflight_flight import (
+    HIGH,
+    LOW,
+    MIDDLE,
+    BetaflightLink,
+    BetaflightSetup,
+    mixer_of,
+)
 from aerarm_ros.description.drone_config import DroneConfig
 
 HOW = (

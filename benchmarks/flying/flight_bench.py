@@ -7,14 +7,11 @@ from pathlib import Path
 import numpy as np
 import yaml
 from flying.arm_model import ArmModel
-from flying.arm_swing import ArmSwing
+from flying.arm_swing import PAYLOAD, ArmSwing, FlightProgram
 from flying.compared_flight import ComparedFlightProcess
-from flying.flight_case import FlightCase
-from flying.flight_listener import FlightListener
-from flying.flight_program import PAYLOAD, FlightProgram
-from flying.flight_record import LOST, FlightRecord
+from flying.flight_case import FlightCase, scaled_drone, write_drone
+from flying.flight_record import LOST, FlightListener, FlightRecord
 from flying.node_bench import PATIENCE, NodeBench
-from flying.scaled_drone import scaled_drone, write_drone
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.parameter import Parameter

@@ -1,8 +1,122 @@
-"""Flight case: drone, controller settings and model errors."""
+"""Cases of flights: drones, methods to compensate the arm's motion, and model errors."""
 
-from dataclasses import dataclass, field, replace
+import json
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 
-from aerarm_ros.description.drone_config import DroneConfig
+import yaml
+
+from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
+from aerarm_ros.description.resources import resource
+from aerarm_ros.description.robot import load_robot
+
+DRONES = {'tilted_hexarotor': ('drones', 'tilted_hexarotor.yaml'), 'hexarotor': ('drone.yaml',)}
+GAINS = Path(__file__).with_name('gains.yaml')
+_LEAD, _LEAD_MAX = 0.028, 0.08  # [s]
+_HEIGHT = 3.0  # [rad/s]
+_NO_PARAMETERS = 'integral', 'position RMS [mm]'
+
+
+@dataclass(frozen=True)
+class FlightWay:
+    """Disturbance estimation and feed-forward of one method.
+
+    Attributes
+    ----------
+    gains : str
+        Key of the gains in `GAINS`.
+    law : str
+        Law of `compared_flight`; empty for that of `flight_control`.
+    posture, motion : bool
+        Whether the effect of the arm's posture, and of its motion, is fed forward.
+    lead : float
+        Preview time of the feed-forward [s].
+    """
+
+    gains: str
+    law: str = ''
+    posture: bool = False
+    motion: bool = False
+    lead: float = 0.0
+
+    @property
+    def is_told(self) -> bool:
+        """Whether any feed-forward is used."""
+        return self.posture or self.motion
+
+    @property
+    def switches(self) -> dict[str, object]:
+        """Parameters of `flight_control` that can be changed in flight."""
+        return {'feed_posture': self.posture, 'feed_motion': self.motion, 'feed_lead': self.lead}
+
+    def later(self, latency: float) -> 'FlightWay':
+        """Return the method for sensors with a delay [s] that their stamps include."""
+        return replace(self, lead=min(self.lead + latency, _LEAD_MAX)) if self.lead else self
+
+    def parameters(self, drone: str) -> dict[str, object]:
+        """Return all parameters of `flight_control` except the drone."""
+        tuned = yaml.safe_load(GAINS.read_text())[f'{drone}/{self.gains}']
+        gains = {name: value for name, value in tuned.items() if name not in _NO_PARAMETERS}
+        if 'integral' in tuned:
+            gains.update(position_integral=tuned['integral'], attitude_integral=tuned['integral'])
+        if 'position_frequency' in gains:
+            height = height_frequency(load_drone(drone), gains['position_frequency'])
+            gains['height_frequency'] = height
+        law = {'law': self.law} if self.law else {}
+        return {**gains, **law, **self.switches}
+
+
+WAYS = {
+    'integral': FlightWay('integral'),
+    'observer': FlightWay('observer', 'observer'),
+    'INDI': FlightWay('indi', 'indi'),
+    'posture': FlightWay('feed_forward', posture=True),
+    'posture, motion': FlightWay('feed_forward', posture=True, motion=True),
+    'posture, motion, lead': FlightWay('feed_forward', posture=True, motion=True, lead=_LEAD),
+    "PX4's loops": FlightWay('px4', 'px4'),
+    "PX4's loops, acceleration": FlightWay(
+        'px4_feed_forward', 'px4', posture=True, motion=True, lead=_LEAD
+    ),
+}
+
+
+def ways_of(drone: str) -> list[str]:
+    """Return the methods with gains for a drone."""
+    tuned = yaml.safe_load(GAINS.read_text())
+    return [name for name, way in WAYS.items() if f'{drone}/{way.gains}' in tuned]
+
+
+def height_frequency(drone: DroneConfig, position_frequency: float) -> float:
+    """Return the height frequency of all methods [rad/s]; lift needs no tilt."""
+    return position_frequency if drone.is_fully_actuated else _HEIGHT
+
+
+def load_drone(name: str) -> DroneConfig:
+    """Return one of the drones in `DRONES`."""
+    return load_drone_config(resource('config', *DRONES[name]))
+
+
+def scaled_drone(mass: float) -> DroneConfig:
+    """Return a drone of a mass [kg]: the quadrotor up to 1.5 kg, otherwise the hexarotor.
+
+    Lengths are constant, inertia is proportional to mass^(5/3), and thrust is proportional to the
+    weight of drone and arm.
+    """
+    name = ('drones', 'quadrotor.yaml') if mass < 1.5 else ('drone.yaml',)
+    drone = load_drone_config(resource('config', *name))
+    arm = float(load_robot().inertial_parameters[:, 0].sum())
+    thrust = (mass + arm) / (drone.mass + arm)
+    rotors = tuple(replace(r, thrust_max=thrust * r.thrust_max) for r in drone.rotors)
+    # Rotors first, because each intermediate drone must be able to fly.
+    strong = replace(drone, rotors=rotors)
+    return strong.with_errors(mass / drone.mass, (mass / drone.mass) ** (5 / 3))
+
+
+def write_drone(drone: DroneConfig, path: Path) -> Path:
+    """Write a drone configuration file."""
+    path.write_text(yaml.safe_dump(json.loads(json.dumps(asdict(drone)))))
+    return path
+
 
 CHEAP = (('imu_noise', [0.3, 0.01]), ('imu_bias', [0.2, 0.01]), ('imu_attitude_error', 0.01))
 LATE = (('imu_delay', 0.01),)

@@ -1,4 +1,7 @@
-"""Test bench of flights in which the arm holds its tool in the world, as processes in lockstep."""
+"""Test bench of flights in which the arm holds its tool in the world, or presses it on a wall.
+
+All nodes are processes in lockstep.
+"""
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -7,12 +10,11 @@ from pathlib import Path
 import numpy as np
 from builtin_interfaces.msg import Duration
 from flying.arm_model import ArmModel
-from flying.flight_listener import FlightListener
-from flying.flight_record import FlightRecord
-from flying.holding_case import HELD, ORDINARY, POSTURE, HoldingCase
+from flying.flight_case import write_drone
+from flying.flight_record import FlightListener, FlightRecord
+from flying.holding_case import HELD, ORDINARY, POSTURE, HoldingCase, PushingCase
 from flying.node_bench import PATIENCE, NodeBench
-from flying.scaled_drone import write_drone
-from geometry_msgs.msg import PoseStamped, Transform
+from geometry_msgs.msg import PoseStamped, Transform, WrenchStamped
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
@@ -206,3 +208,81 @@ def swing(times: np.ndarray, length: float) -> np.ndarray:
     share = grown**3 * (10.0 - 15.0 * grown + 6.0 * grown**2)
     swing = 0.5 * LENGTH * share * np.sin(2.0 * np.pi * FREQUENCY * times)
     return np.outer(swing, [0.0, 1.0, 0.0])
+
+
+_APPROACH = 4.0  # [s] for approach and rise of the force
+_IMPACT = 0.5  # [s] after the first touch
+_YIELD = 2.0  # [s] after the wall yields
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PushingRecord(HoldingRecord):
+    """Recorded data of a flight with a wall since the force was sent.
+
+    The targets are those across the force.
+
+    Attributes
+    ----------
+    forces : (K,) ndarray
+        Force on the wall along its normal [N].
+    case : PushingCase
+    approach : float
+        Time for approach and rise of the force [s].
+    """
+
+    forces: np.ndarray
+    case: PushingCase
+    approach: float = _APPROACH
+
+    def figures(self) -> tuple[float, float, float, float]:
+        """Return RMS and peak force error [N], error across, and distance of the stop [mm].
+
+        The RMS values exclude approach and rise. A value that does not apply is NaN. The peak is
+        the largest force within 0.5 s after the first touch.
+        """
+        case, forces = self.case, self.forces
+        touches = np.flatnonzero(forces > 0.0)
+        if not len(touches):
+            return np.nan, np.nan, np.nan, np.nan
+        touched = self.times[touches[0]]
+        peak = float(forces[(self.times < touched + _IMPACT)].max())
+        if case.yields_after:
+            rows = self.times >= touched + case.yields_after
+            along = self.tool_places[rows, 0]
+            return np.nan, peak, np.nan, 1e3 * float((along - along[0]).max())
+        rows = self.times > self.approach
+        error = forces[rows] - case.force
+        across = np.linalg.norm((self.tool_places - self.targets)[rows, 1:], axis=1)
+        rms = float(np.sqrt((error**2).mean()))
+        return rms, peak, 1e3 * float(np.sqrt((across**2).mean())), np.nan
+
+
+class PushingBench(HoldingBench):
+    """Processes of one case in flight, with a wall ahead of the tool."""
+
+    case: PushingCase
+
+    def push(
+        self, seconds: float, settling: float = 2.0, approach: float = _APPROACH
+    ) -> PushingRecord:
+        """Return the record of approach, push and, if the case has a path, slide."""
+        begin, start = self._begin(settling)
+        self._targets.publish(self._target(start))
+        message = WrenchStamped()
+        message.header.frame_id = 'odom'
+        message.wrench.force.x = self.case.force
+        self._pushes.publish(message)
+        case = self.case
+        flight = self.seen(approach + _YIELD if case.yields_after else approach)
+        now = float(flight.times[-1])
+        if not case.yields_after:
+            if case.path:
+                self._motions.publish(self._path(start, now, seconds))
+            flight = self.seen(seconds, is_new=False)
+        stamps, forces = np.array(self.listener.forces).T
+        record = self._record(flight, begin, start)
+        if case.path:
+            slides = flight.times > now
+            record.targets[slides] += swing(flight.times[slides] - now, path_length(seconds))
+        felt = np.interp(flight.times, stamps, forces)
+        return PushingRecord(**vars(record), forces=felt, case=case, approach=approach)

@@ -3,12 +3,9 @@
 from collections.abc import Mapping
 
 import numpy as np
-from flying.flight_replay import replay
-from flying.holding_bench import HoldingRecord
-from flying.holding_case import CASES, HELD
-from flying.pages import time_plot
-from flying.pushing_bench import PushingRecord
-from flying.pushing_case import PUSHES
+from flying.holding_bench import HoldingRecord, PushingRecord
+from flying.holding_case import CASES, HELD, PUSHES
+from flying.pages import replay, time_plot
 
 from aerarm_ros.pages.html_text import Html, paragraph, section, table
 from aerarm_ros.pages.plots import plotly_figure

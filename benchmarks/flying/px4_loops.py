@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from flying.px4_program import Px4AllGains
+from flying.firmware_program import Px4AllGains
 
-from aerarm_ros.autopilot.px4 import frd_rotation, heading, ned, torque_unit
-from aerarm_ros.autopilot.px4_set_points import tilt_ahead
+from aerarm_ros.autopilot.px4 import frd_rotation, heading, ned, tilt_ahead, torque_unit
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import frd_to_flu, quaternion
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig

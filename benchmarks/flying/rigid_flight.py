@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from flying.grown_motion import HANGING
+from flying.arm_swing import HANGING
 from scipy.spatial.transform import Rotation
 
 from aerarm_ros.control.base.rotor_wrench import carrier_parameters, wrench_per_thrust

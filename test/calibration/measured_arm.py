@@ -10,7 +10,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 from aerarm_ros.simulation.made_geometry import MadeGeometry
-from aerarm_ros.simulation.mocap import EmulatedMocap, MocapSettings
+from aerarm_ros.simulation.mocap import EmulatedMocap
 
 ROBOT = load_robot()
 CONFIG = load_arm_config()
@@ -43,7 +43,7 @@ class MeasuredArm:
         self.made = MadeGeometry.of(ROBOT, self.seed)
         parameters = PlantParameters.nominal(CONFIG, self.made.robot)
         self.plant = ArmPlant(self.made.robot, parameters)
-        self.mocap = EmulatedMocap(LINK, self.seed, MocapSettings(dropout=self.dropout))
+        self.mocap = EmulatedMocap(LINK, self.seed, dropout=self.dropout)
 
     def put(self, q: np.ndarray) -> None:
         """Move the arm until its encoders show a posture."""

@@ -54,14 +54,6 @@ def test_gears_transmit_the_torque_of_the_links_only(config, robot) -> None:
     assert heavy.copper.sum() > 2.0 * light.copper.sum()
 
 
-def test_a_payload_costs(model, config, robot) -> None:
-    laden = EnergyModel(config, robot)
-    laden.carry([0.2, 0.02, 0, 0, 0, 0, 2e-3, 0, 0, 2e-3])
-    assert (
-        laden.balance(MOTION).motors.sum() > EnergyModel(config, robot).balance(MOTION).motors.sum()
-    )
-
-
 TAU = np.array([2.0, -3.0, 1.0, 0.5])
 DQ = np.array([1.0, 0.5, -2.0, 0.0])
 
@@ -96,12 +88,6 @@ def test_the_gradient_is_that_of_the_loss(model) -> None:
             (loss.watts(q + step) - loss.watts(q - step)) / 2e-6 for step in 1e-6 * np.eye(4)
         ]
         np.testing.assert_allclose(loss.gradient(q), numeric, atol=1e-5)
-
-
-def test_upright_costs_next_to_nothing_and_stretched_out_costs_watts(model) -> None:
-    loss = HoldingLoss(model)
-    upright = loss.watts(np.array([0.0, np.pi / 2, 0.0, 0.0]))
-    assert upright < 0.01 < 1.0 < loss.watts(np.zeros(4))
 
 
 def test_the_table_adds_up(model, config) -> None:

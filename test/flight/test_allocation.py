@@ -17,38 +17,28 @@ names = pytest.mark.parametrize('drone', DRONES, ids=lambda drone: drone.name)
 
 
 @names
-def test_a_wrench_within_reach_is_made(drone: DroneConfig) -> None:
-    wanted = np.array([2.0, -1.0, HOVER, 0.8, -0.6, 0.1])
+def test_wrenches_within_reach_are_made_and_thrusts_are_within_limits(drone: DroneConfig) -> None:
+    allocation, wanted = Allocation(drone), np.array([2.0, -1.0, HOVER, 0.8, -0.6, 0.1])
     if not drone.is_fully_actuated:
         wanted[:2] = 0.0
-    made = drone.allocation @ Allocation(drone).thrusts(wanted)
+    made = drone.allocation @ allocation.thrusts(wanted)
     np.testing.assert_allclose(made, wanted, atol=1e-6 * HOVER)
-
-
-@names
-def test_commanded_thrusts_are_within_the_rotors_limits(drone: DroneConfig) -> None:
-    rng = np.random.default_rng(0)
     low, high = drone.column('thrust_min'), drone.column('thrust_max')
-    for _ in range(200):
-        wrench = rng.standard_normal(6) * [20.0, 20.0, 60.0, 8.0, 8.0, 3.0]
-        thrusts = Allocation(drone).thrusts(wrench)
-        assert np.all(thrusts >= low)
-        assert np.all(thrusts <= high)
+    for wrench in np.random.default_rng(0).standard_normal((200, 6)) * [20, 20, 60, 8, 8, 3]:
+        thrusts = allocation.thrusts(wrench)
+        assert np.all((thrusts >= low) & (thrusts <= high))
 
 
 @names
-def test_lift_has_priority_over_the_yaw_moment(drone: DroneConfig) -> None:
+def test_moments_that_keep_it_upright_precede_lift_and_lift_precedes_yaw(
+    drone: DroneConfig,
+) -> None:
     wanted = np.array([0.0, 0.0, HOVER, 1.5, -1.0, 50.0])
     made = drone.allocation @ Allocation(drone).thrusts(wanted)
     np.testing.assert_allclose(made[2:5], wanted[2:5], atol=1e-3)
     assert 0.05 < made[5] < 50.0
-
-
-@names
-def test_roll_and_pitch_moments_have_priority_over_lift(drone: DroneConfig) -> None:
     strongest = drone.column('thrust_max').sum()
-    wanted = np.array([0.0, 0.0, strongest, 2.0, 0.0, 0.0])
-    made = drone.allocation @ Allocation(drone).thrusts(wanted)
+    made = drone.allocation @ Allocation(drone).thrusts(np.array([0, 0, strongest, 2, 0, 0]))
     assert made[3] == pytest.approx(2.0, abs=1e-3)
     assert 0.3 * strongest < made[2] < 0.99 * strongest
 

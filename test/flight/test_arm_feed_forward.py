@@ -129,16 +129,6 @@ def test_a_planned_contact_acts_at_once_and_fades_in_silence(arm: ArmFeedForward
     assert max(np.abs(np.diff(sizes))) < 0.5  # [N], no step
 
 
-@pytest.mark.parametrize('size', [np.nan, np.inf, 30.0])
-def test_a_planned_contact_beyond_the_weight_of_the_drone_is_rejected(
-    arm: ArmFeedForward, size: float
-) -> None:
-    before = arm.at(0.0).wrench
-    with pytest.raises(RejectedInputError, match='planned_contact'):
-        arm.offer_contact(0.004, np.array([size, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    np.testing.assert_array_equal(arm.at(0.004).wrench, before)
-
-
 def test_nonsense_is_refused(arm: ArmFeedForward) -> None:
     for mass in (np.nan, 0.0, 50.0):
         with pytest.raises(RejectedInputError, match='arm_inertia'):
@@ -149,6 +139,9 @@ def test_nonsense_is_refused(arm: ArmFeedForward) -> None:
     for force, moment in ((np.nan, 0.0), (1e4, 0.0), (0.0, 1e4)):
         with pytest.raises(RejectedInputError, match='base_wrench_motion'):
             arm.offer_motion(0.0, np.repeat([force, moment], 3))
-    told = arm.at(0.0)
+    for force in (np.nan, np.inf, 30.0):  # beyond the weight of the drone
+        with pytest.raises(RejectedInputError, match='planned_contact'):
+            arm.offer_contact(0.0, np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    told = arm.at(0.004)
     assert not np.any(told.wrench)
     np.testing.assert_array_equal(told.body.inertia, hanging().inertia)

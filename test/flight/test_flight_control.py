@@ -156,17 +156,6 @@ def test_the_drone_flies_to_its_target_and_heading(name: str) -> None:
     assert not flight.plant.drone.is_fully_actuated or steepest < 0.06
 
 
-def test_the_drone_recovers_after_a_push() -> None:
-    flight = Flight(DRONES['3 kg'])
-    while flight.time < 1.0:
-        flight.step()
-    flight.plant.push([1.0, -0.5, -0.5, 2.0, -1.5, 1.0])
-    while flight.time < 4.0:
-        flight.step()
-    np.testing.assert_allclose(flight.state.position, 0.0, atol=0.1)
-    assert flight.tilt < 0.05
-
-
 def test_without_a_place_it_stays_level_and_sinks_slowly() -> None:
     flight = Flight(DRONES['3 kg'])
     while flight.time < 1.5:

@@ -40,11 +40,6 @@ def test_velocities_and_accelerations_that_are_given_are_met() -> None:
     np.testing.assert_allclose(middle.acceleration, 0.5)
 
 
-def test_a_single_point_is_a_place() -> None:
-    path = FlightPath([0.0], PLACES[:1], [0.5])
-    np.testing.assert_allclose(path.at(5.0).position, PLACES[0])
-
-
 @pytest.mark.parametrize(
     ('change', 'reason'),
     [

@@ -3,15 +3,18 @@
 import select
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from forked_executable import run
 from geometry_msgs.msg import PoseStamped, Transform
 from quick_spinning import spin_once
 from rclpy.node import Node
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
@@ -94,51 +97,51 @@ class Bench:
         self.status: dict[str, str] = {}
         self.text = ''
         for topic in (topics.ODOMETRY, topics.IMU, topics.ROTOR_COMMAND):
-            node.create_subscription(topic.type, topic.name, self._keep(topic.name), topic.qos)
+            keep = partial(self.received.__setitem__, topic.name)
+            node.create_subscription(topic.type, topic.name, keep, topic.qos)
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
         topic = topics.FLIGHT_SET_POINT
         self.places = node.create_publisher(topic.type, topic.name, topic.qos)
 
-    def until(self, is_done: object, limit: float = LIMIT) -> bool:
+    @property
+    def points(self) -> list[Message]:
+        """Set points that the autopilot received."""
+        return self.autopilot.of(SET_POINT)
+
+    def until(self, is_done: Callable[[], object], limit: float = LIMIT) -> bool:
         """Spin, and run the autopilot, until a condition holds."""
         deadline = time.monotonic() + limit
         while time.monotonic() < deadline:
             spin_once(self.node, 0.002)
             self.autopilot.tick()
-            if is_done():  # type: ignore[operator]
+            if is_done():
                 return True
         return False
 
-    def until_silent(self) -> bool:
-        """Wait until no set point arrives for 0.4 s."""
-        seen, last = -1, time.monotonic()
+    def pass_time(self, seconds: float) -> None:
+        self.until(lambda: False, seconds)
 
-        def is_silent() -> bool:
-            nonlocal seen, last
-            if (count := len(self.autopilot.of(SET_POINT))) != seen:
-                seen, last = count, time.monotonic()
-            return time.monotonic() - last > 0.4
+    def lead_until(self, is_done: Callable[[], object]) -> None:
+        """Send a set point every 0.1 s until a condition holds."""
+        message, deadline = PoseStamped(), time.monotonic() + LIMIT
+        message.pose.position.x, message.pose.orientation.w = 0.5, 1.0
+        while not is_done():
+            assert time.monotonic() < deadline
+            self.places.publish(message)
+            self.pass_time(0.1)
 
-        return self.until(is_silent)
-
-    def lead(self, x: float) -> None:
-        """Send a set point."""
-        message = PoseStamped()
-        message.pose.position.x = x
-        message.pose.orientation.w = 1.0
-        self.places.publish(message)
-
-    def call(self, name: str) -> Trigger.Response:
-        """Call a service of the node."""
+    def ask(self, name: str) -> Future:
+        """Call a service of the node; return its future answer."""
         client = self.node.create_client(Trigger, f'mavlink_feedforward/{name}')
         assert self.until(client.service_is_ready)
-        future = client.call_async(Trigger.Request())
-        assert self.until(future.done)
-        return future.result()
+        return client.call_async(Trigger.Request())
 
-    def _keep(self, name: str) -> object:
-        return lambda message: self.received.update({name: message})
+    def call(self, name: str) -> tuple[bool, str]:
+        """Call a service of the node; return success and message."""
+        future = self.ask(name)
+        assert self.until(future.done)
+        return future.result().success, future.result().message
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -170,15 +173,15 @@ def test_publishes_sensors_set_points_and_a_trajectory_until_the_link_is_lost(be
     assert list(rotors.name) == list(DRONE.rotor_names)
     np.testing.assert_allclose(rotors.effort, 0.5 * DRONE.column('thrust_max'))
     # Set points: forwarded while they come, and not after that.
-    assert bench.autopilot.of(SET_POINT) == []
-    deadline = time.monotonic() + LIMIT
-    while len(bench.autopilot.of(SET_POINT)) < 20 and time.monotonic() < deadline:
-        bench.lead(0.5)
-        bench.until(lambda: False, 0.1)
-    last = bench.autopilot.of(SET_POINT)[-1]
+    assert bench.points == []
+    bench.lead_until(lambda: len(bench.points) >= 20)
+    last = bench.points[-1]
     assert (last['x'], last['y'], last['z']) == pytest.approx((0.0, 0.5, 0.0))
     assert last['type_mask'] == IGNORE_YAW_RATE  # an acceleration is always with it
-    assert bench.until_silent()
+    count = -1
+    while count < len(bench.points):  # until none arrives for 0.4 s
+        count = len(bench.points)
+        bench.pass_time(0.4)
     # A trajectory ends in a hover.
     topic = topics.FLIGHT_TRAJECTORY
     paths = bench.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -189,20 +192,19 @@ def test_publishes_sensors_set_points_and_a_trajectory_until_the_link_is_lost(be
     point.transforms[0].rotation.w = 1.0
     point.time_from_start.nanosec = 500_000_000
     paths.publish(MultiDOFJointTrajectory(joint_names=['drone'], points=[point]))
-    bench.until(lambda: False, 1.2)  # beyond its end and set_point_timeout
-    count = len(bench.autopilot.of(SET_POINT))
-    assert bench.until(lambda: len(bench.autopilot.of(SET_POINT)) > count)
-    last = bench.autopilot.of(SET_POINT)[-1]
+    bench.pass_time(1.2)  # beyond its end and set_point_timeout
+    count = len(bench.points)
+    assert bench.until(lambda: len(bench.points) > count)
+    last = bench.points[-1]
     assert last['y'] == pytest.approx(2.5)  # north-east-down
     assert (last['vx'], last['vy'], last['vz']) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
     # A lost link ends the trajectory.
     bench.autopilot.is_damaged = True
     assert bench.until(lambda: 'no heartbeat' in bench.text)
     assert int(bench.status['damaged frames']) > 0
-    response = bench.call('arm')
-    assert not response.success
-    assert 'check the connection' in response.message
-    assert bench.autopilot.commands() == []
+    success, text = bench.call('arm')
+    assert (success, bench.autopilot.commands()) == (False, [])
+    assert 'check the connection' in text
     bench.autopilot.is_damaged = False
     assert bench.until(lambda: bench.text.startswith('no set points'))
 
@@ -211,67 +213,65 @@ def test_arms_and_changes_the_mode_only_by_its_services_while_set_points_continu
     bench: Bench,
 ) -> None:
     assert bench.until(lambda: bench.status.get('mode') == 'auto hold')
-    response = bench.call('offboard')
-    assert (response.success, response.message) == (True, 'accepted')
+    assert bench.call('offboard') == (True, 'accepted')
     bench.autopilot.result = 1
-    response = bench.call('arm')
-    assert (response.success, response.message) == (False, 'temporarily rejected')
+    assert bench.call('arm') == (False, 'temporarily rejected')
     assert set(bench.autopilot.commands()) == {176, 400}
     bench.autopilot.base_mode, bench.autopilot.custom_mode = 209, 6 << 16
     assert bench.until(lambda: bench.status.get('mode') == 'offboard')
     assert bench.until(lambda: bench.status.get('armed') == 'True')
     # Set points continue while a request waits.
     bench.autopilot.is_deaf = True
-    client = bench.node.create_client(Trigger, 'mavlink_feedforward/arm')
-    assert bench.until(client.service_is_ready)
-    future = client.call_async(Trigger.Request())
-    times = []
-    while not future.done():
-        bench.lead(0.5)
-        count = len(bench.autopilot.of(SET_POINT))
-        bench.until(lambda: False, 0.1)
-        if len(bench.autopilot.of(SET_POINT)) > count:
+    future, times, counts = bench.ask('arm'), [], [len(bench.points)]
+
+    def is_answered() -> bool:
+        counts.append(len(bench.points))
+        if counts[-1] > counts[-2]:
             times.append(time.monotonic())
+        return future.done()
+
+    bench.lead_until(is_answered)
     assert future.result().message.startswith('the autopilot did not answer within 2 s')
     assert times[-1] - times[0] > 1.2, 'beyond set_point_timeout'
 
 
 @pytest.mark.parametrize('bench', ['ardupilot'], indirect=True)
 def test_ardupilot_gets_moving_set_points_and_reports_its_motors(bench: Bench) -> None:
-    autopilot = bench.autopilot
+    autopilot, other = bench.autopilot, 'the autopilot reports the firmware px4'
     # As long as the autopilot is another one than the parameter says, it gets no set points.
-    assert bench.until(lambda: bench.text.startswith('the autopilot reports the firmware px4'))
-    bench.lead(0.5)
-    bench.until(lambda: False, 0.3)
-    assert autopilot.of(SET_POINT) == []
-    response = bench.call('arm')
-    assert (response.success, autopilot.commands()) == (False, [])
-    assert response.message.startswith('the autopilot reports the firmware px4')
+    assert bench.until(lambda: bench.text.startswith(other))
+    begun = time.monotonic()
+    bench.lead_until(lambda: time.monotonic() > begun + 0.3)
+    assert bench.points == []
+    success, text = bench.call('arm')
+    assert (success, autopilot.commands()) == (False, [])
+    assert text.startswith(other)
     autopilot.firmware, autopilot.custom_mode = ARDUPILOT, 5
     assert bench.until(lambda: bench.status.get('mode') == 'loiter')
     assert bench.until(lambda: 'rotor_command' in bench.received)
     # Rotors in the order of the drone file; ArduPilot's motors are numbered from the right.
-    share = dict(zip(DRONE.rotor_names, bench.received['rotor_command'].effort, strict=True))
-    most = dict(zip(DRONE.rotor_names, DRONE.column('thrust_max'), strict=True))
-    assert share['right'] / most['right'] == pytest.approx(0.1)
-    assert share['rear_left'] / most['rear_left'] == pytest.approx(0.6)
-    deadline = time.monotonic() + LIMIT
-    while not autopilot.of(SET_POINT) and time.monotonic() < deadline:
-        bench.lead(0.5)
-        bench.until(lambda: False, 0.1)
-    point = autopilot.of(SET_POINT)[-1]
+    shares = bench.received['rotor_command'].effort / DRONE.column('thrust_max')
+    share = dict(zip(DRONE.rotor_names, shares, strict=True))
+    assert (share['right'], share['rear_left']) == pytest.approx((0.1, 0.6))
+    bench.lead_until(lambda: bench.points)
+    point = bench.points[-1]
     assert (point['x'], point['y'], point['z']) == pytest.approx((0.0, 0.5, 0.0), abs=1e-6)
     assert point['type_mask'] == IGNORE_YAW_RATE  # position, velocity and acceleration
-    assert bench.call('offboard').success
+    assert bench.call('offboard')[0]
     request = autopilot.of('COMMAND_LONG')[-1]
     assert (request['command'], request['param2']) == (176, 4.0)  # guided
 
 
-def test_a_line_that_cannot_be_opened_ends_it_with_one_line(
-    ros_domain: dict[str, str], tmp_path: Path
+NO_LINE = {'drone_file': 'config/drone.yaml', 'connection': 'serial:/dev/no_such:57600'}
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'reason'), [(NO_LINE, 'No such file'), ({}, 'drone_file is empty')]
+)
+def test_a_wrong_parameter_ends_it_with_one_line(
+    ros_domain: dict[str, str], parameters: dict[str, str], reason: str
 ) -> None:
-    parameters = {'drone_file': 'config/drone.yaml', 'connection': 'serial:/dev/no_such:57600'}
-    log = tmp_path / 'log'
-    with NodeProcess('mavlink_feedforward', parameters=parameters, log=log) as node:
-        assert node.wait(LIMIT) == 1
-    assert 'No such file' in log.read_text()
+    done = run('mavlink_feedforward', parameters=parameters)
+    assert done.returncode == 1
+    assert reason in done.stderr
+    assert len(done.stderr.splitlines()) == 1

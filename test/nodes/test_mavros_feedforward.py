@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import Vector3
 from std_msgs.msg import Header
 
-from aerarm_ros.autopilot.ardupilot_loop import LoopMotion
+from aerarm_ros.autopilot.ardupilot import LoopMotion
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.nodes import mavros_feedforward
 
@@ -68,12 +68,6 @@ def test_ardupilot_gets_what_it_accepts(given: int, sent: int, velocity: list[fl
     assert values(after.velocity) == velocity
 
 
-def test_a_heading_that_is_left_open_stays_so() -> None:
-    before = set_point(IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW)
-    after = mavros_feedforward.add_acceleration(before, ADDED, 0)
-    assert after.type_mask == IGNORE_VELOCITY | IGNORE_YAW
-
-
 @pytest.mark.parametrize(
     ('unfit', 'autopilot', 'reason'),
     [
@@ -103,12 +97,6 @@ def test_a_position_moves_for_ardupilot_and_an_acceleration_stays() -> None:
     )
     np.testing.assert_allclose(values(without.acceleration_or_force), ADDED)
     assert values(without.velocity) == [0.4, 0.5, 0.6]
-
-
-def test_an_offset_is_one_for_ardupilot() -> None:
-    before = set_point(0, frame=7)
-    after = mavros_feedforward.add_acceleration(before, ADDED, 0, mavros_feedforward.ARDUPILOT)
-    np.testing.assert_allclose(values(after.acceleration_or_force), [1.1, -1.8, 0.8])
 
 
 @pytest.mark.skipif(find_spec('mavros_msgs') is not None, reason='mavros_msgs is installed')

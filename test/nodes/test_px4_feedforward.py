@@ -33,13 +33,6 @@ def test_the_acceleration_is_added_north_east_down_and_other_fields_stay(asked: 
     assert after.yaw == 0.5
 
 
-def test_a_heading_that_is_left_open_stays_so() -> None:
-    before = set_point(OPEN)
-    before.yaw = float('nan')
-    after = px4_feedforward.add_acceleration(before, np.array([1.0, 2.0, 0.5]), 0)
-    assert np.isnan([after.yaw, after.yawspeed]).all()
-
-
 def test_an_axis_without_a_set_point_stays_open() -> None:
     before = set_point(OPEN)
     before.position = np.array([1.0, np.nan, np.nan], dtype=np.float32)

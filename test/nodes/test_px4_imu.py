@@ -4,6 +4,7 @@ import os
 import signal
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,24 +14,22 @@ from quick_spinning import spin_until
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
+from aerarm_ros.autopilot.px4 import vehicle_attitude
 from aerarm_ros.nodes import px4_imu
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.states.state_stream import to_imu_sample
 
 
 def test_a_level_autopilot_at_rest() -> None:
-    message = px4_imu.to_imu(Time(sec=3), [0.0, 0.0, 0.0, 1.0], [0.1, 0.2, 0.3], [0.0, 0.0, -9.81])
-    sample = to_imu_sample(message)
-    assert sample.stamp == 3.0
-    np.testing.assert_allclose(sample.specific_force, [0.0, 0.0, 9.81])
-    np.testing.assert_allclose(sample.angular_velocity, [0.1, -0.2, -0.3])
+    sample = SimpleNamespace(gyro_rad=[0.1, 0.2, 0.3], accelerometer_m_s2=[0.0, 0.0, -9.81])
+    attitude = vehicle_attitude(SimpleNamespace(q=[1.0, 0.0, 0.0, 0.0]))
+    found = to_imu_sample(px4_imu.to_imu(Time(sec=3), attitude, sample))
+    assert found.stamp == 3.0
+    np.testing.assert_allclose(found.specific_force, [0.0, 0.0, 9.81])
+    np.testing.assert_allclose(found.angular_velocity, [0.1, -0.2, -0.3])
     # Nose to the north: a quarter turn from the east.
-    np.testing.assert_allclose(np.abs(sample.attitude), [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
-
-
-def test_without_attitude_it_says_so() -> None:
-    message = px4_imu.to_imu(Time(), None, [0.0, 0.0, 0.0], [0.0, 0.0, -9.81])
-    assert to_imu_sample(message).attitude is None
+    np.testing.assert_allclose(np.abs(found.attitude), [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
+    assert to_imu_sample(px4_imu.to_imu(Time(), None, sample)).attitude is None
 
 
 @pytest.mark.skipif(find_spec('px4_msgs') is not None, reason='px4_msgs is installed')

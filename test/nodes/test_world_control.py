@@ -16,9 +16,9 @@ from aerarm_ros.ros.executors import spin_until
 
 sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
 from flying.arm_model import ArmModel
-from flying.pushing_bench import PushingBench
-from flying.pushing_case import FULL, PushingCase
-from flying.scaled_drone import scaled_drone, write_drone
+from flying.flight_case import scaled_drone, write_drone
+from flying.holding_bench import PushingBench
+from flying.holding_case import FULL, PushingCase
 
 PATIENCE = 60.0  # [s] of the host, for diagnostics
 

@@ -133,7 +133,7 @@ def test_an_infeasible_goal_raises_one_line_that_names_the_limit(name, planner) 
 
 
 @pytest.mark.parametrize(
-    'wrong', [{'objective': 'comfort'}, {'duration': -1.0}, {'samples': 8}, {'effort_share': 2.0}]
+    'wrong', [{'objective': 'comfort'}, {'duration': -1.0}, {'effort_share': 2.0}]
 )
 def test_settings_that_cannot_be_are_refused(wrong) -> None:
     with pytest.raises(ConfigError, match=f'plan: {next(iter(wrong))}'):

@@ -49,11 +49,6 @@ def test_one_that_is_held_long_is_cheap_to_hold(model, kinematics, planner) -> N
         assert meter.holding(q) > 0.999 * meter.holding(long)
 
 
-def test_the_planned_motion_ends_with_the_tool_there(planner, kinematics) -> None:
-    plan = planner.plan_tool(START, PLACE)
-    np.testing.assert_allclose(kinematics.position(plan.goal), PLACE, atol=1e-4)
-
-
 @pytest.mark.parametrize(
     ('place', 'message'),
     [

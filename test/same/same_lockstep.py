@@ -220,7 +220,7 @@ def motor_bench(work: Path) -> dict[str, object]:
 def planner(work: Path) -> dict[str, object]:
     """Plan motions to joint angles and to a place of the tool, for each objective."""
     items: dict[str, object] = {}
-    for objective in ('energy', 'time', 'disturbance'):
+    for objective in ('energy', 'time'):
         with executable(work, 'motion_planner', objective=objective, frame='tool0', lead=0.5):
             desk = PlannerDesk()
             goal = JointState(name=NAMES, position=[-0.6, 2.2, 0.5, -0.2])

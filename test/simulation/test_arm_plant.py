@@ -121,27 +121,6 @@ def test_a_joint_breaks_loose_at_coulomb_plus_load_friction(direction):
     assert direction * plant.velocity[0] > 0.01
 
 
-def test_gear_friction_grows_with_the_load():
-    parameters = replace(NOMINAL, coulomb=np.zeros(4), viscous=np.zeros(4))
-    plant = ArmPlant(ROBOT, parameters, STRETCHED)
-    weight = Dynamics(ROBOT).gravity(STRETCHED)[1]
-    share = parameters.load_friction[1]
-    plant.apply_effort([0.0, (1.0 - 0.7 * share) * weight, 0.0, 0.0])
-    plant.advance(0.2)
-    assert abs(plant.velocity[1]) < 1e-5
-    plant.apply_effort([0.0, (1.0 - 2.0 * share) * weight, 0.0, 0.0])
-    plant.advance(0.2)
-    assert plant.velocity[1] < -0.01
-
-
-def test_at_rest_the_gears_transmit_the_weight():
-    plant = ArmPlant(ROBOT, NOMINAL, STRETCHED)
-    weight = Dynamics(ROBOT).gravity(STRETCHED)
-    plant.apply_effort(weight)
-    plant.advance(0.1)
-    assert plant.transmitted_effort == pytest.approx(weight, abs=1e-3)
-
-
 def test_carried_weight_does_not_load_the_joints():
     plant = ArmPlant(ROBOT, NOMINAL, STRETCHED)
     plant.support = 1.0
@@ -159,47 +138,32 @@ def test_mechanical_stops_end_the_motion():
     assert np.abs(plant.velocity).max() < 1e-3
 
 
-def test_other_arms_run_too(example_urdf):
+def of_robot(robot):
+    zero = np.zeros(robot.n)
+    names = {'joint_names': robot.joint_names, 'link_names': robot.link_names}
+    frictionless = {'viscous': zero, 'coulomb': zero, 'load_friction': zero}
+    inertial, rotors = np.array(robot.inertial_parameters), np.full(robot.n, 0.1)
+    values = {**names, **frictionless, 'inertial_parameters': inertial, 'rotor_inertia': rotors}
+    return replace(NOMINAL, **values)
+
+
+def test_other_arms_run_too_and_locked_joints_are_refused(example_urdf):
     robot = load_robot(example_urdf('ur10_robot.urdf'))
-    n = robot.n
-    parameters = PlantParameters(
-        joint_names=robot.joint_names,
-        link_names=robot.link_names,
-        inertial_parameters=np.array(robot.inertial_parameters),
-        rotor_inertia=np.full(n, 0.1),
-        viscous=np.zeros(n),
-        coulomb=np.zeros(n),
-        load_friction=np.zeros(n),
-        motor_torque_constant=np.ones(n),
-        motor_torque_constant_nominal=np.ones(n),
-    )
-    plant = ArmPlant(robot, parameters)
-    model = Dynamics(robot, parameters.rotor_inertia)
-    q, dq = np.linspace(-1, 1, n), np.linspace(1, -1, n)
+    plant, model = ArmPlant(robot, of_robot(robot)), Dynamics(robot, np.full(robot.n, 0.1))
+    q, dq = np.linspace(-1, 1, robot.n), np.linspace(1, -1, robot.n)
     plant.reset(q, dq)
     plant.step()
-    assert model.inverse(q, dq, plant.acceleration) == pytest.approx(np.zeros(n), abs=1e-8)
-
-
-def test_locked_joints_are_refused(example_urdf):
+    assert model.inverse(q, dq, plant.acceleration) == pytest.approx(np.zeros(robot.n), abs=1e-8)
     fingers = ('panda_finger_joint1', 'panda_finger_joint2')
     robot = load_robot(example_urdf('panda.urdf'), locked=fingers)
-    parameters = replace(
-        NOMINAL,
-        joint_names=robot.joint_names,
-        link_names=robot.link_names,
-        inertial_parameters=np.array(robot.inertial_parameters),
-    )
     with pytest.raises(PlantError):
-        ArmPlant(robot, parameters)
+        ArmPlant(robot, of_robot(robot))
 
 
 def test_stribeck_friction_holds_more_than_it_brakes() -> None:
-    drawn = PlantParameters.nominal(load_arm_config(), load_robot())
-    weightless = replace(drawn, stribeck=0.5, stribeck_velocity=0.05)
-    plant = ArmPlant(load_robot(), weightless, [0.0, 0.5 * np.pi, 0.0, 0.0])
+    plant = ArmPlant(ROBOT, replace(NOMINAL, stribeck=0.5, stribeck_velocity=0.05), UPRIGHT)
     plant.gravity_in_base = np.zeros(3)
-    coulomb = drawn.coulomb[0]
+    coulomb = NOMINAL.coulomb[0]
     plant.apply_effort([1.4 * coulomb, 0.0, 0.0, 0.0])
     plant.advance(0.2)
     assert abs(plant.velocity[0]) < 1e-5  # 1.5 times the dry friction holds it

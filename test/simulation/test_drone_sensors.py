@@ -7,9 +7,7 @@ from scipy.spatial.transform import Rotation
 from aerarm_ros.simulation.sensors import (
     DelayedSensor,
     FaultyImu,
-    ImuErrors,
     NoisyOdometry,
-    OdometryErrors,
     RandomDrift,
     turned,
 )
@@ -28,20 +26,20 @@ def test_readings_have_the_configured_rate_and_delay() -> None:
 
 
 def test_the_imu_s_errors_have_their_sizes() -> None:
-    errors = ImuErrors(force_noise=0.3, rate_noise=0.02, force_bias=0.2, rate_bias=0.01)
-    imu = FaultyImu(errors, 0.004, seed=1)
+    errors = {'force_noise': 0.3, 'rate_noise': 0.02, 'force_bias': 0.2, 'rate_bias': 0.01}
+    imu = FaultyImu(0.004, seed=1, **errors)
     readings = [imu.apply((LEVEL, np.zeros(3), FORCE)) for _ in range(4000)]
     rates, forces = (np.array([reading[k] for reading in readings]) for k in (1, 2))
     np.testing.assert_allclose(forces.std(axis=0), 0.3, rtol=0.05)
     np.testing.assert_allclose(rates.std(axis=0), 0.02, rtol=0.05)
     bias = forces.mean(axis=0) - FORCE
     assert 0.02 < np.linalg.norm(bias) < 1.0
-    again = FaultyImu(errors, 0.004, seed=1).apply((LEVEL, np.zeros(3), FORCE))
+    again = FaultyImu(0.004, seed=1, **errors).apply((LEVEL, np.zeros(3), FORCE))
     np.testing.assert_array_equal(again[2], readings[0][2])
 
 
 def test_odometry_is_noisy_in_each_part() -> None:
-    odometry = NoisyOdometry(OdometryErrors(0.01, 0.03, 0.002, 0.02), seed=3)
+    odometry = NoisyOdometry(3, (0.01, 0.03, 0.002, 0.02))
     readings = [odometry.apply((FORCE, LEVEL, FORCE, FORCE)) for _ in range(4000)]
     for part, deviation in ((0, 0.01), (2, 0.03), (3, 0.02)):
         values = np.array([reading[part] for reading in readings])

@@ -173,13 +173,6 @@ def test_it_is_held_until_motors_and_rotors_carry_it() -> None:
     assert plant.base.position == pytest.approx([0.0, 0.0, 0.0])
 
 
-def test_a_held_drone_is_a_fixed_base(plant: FlyingPlant) -> None:
-    plant.apply_effort([0.3, 2.0, 0.2, 0.3])
-    plant.advance(0.2)
-    np.testing.assert_allclose(plant.base.position, 0.0, atol=1e-9)
-    assert np.abs(plant.velocity).max() > 0.5
-
-
 def test_a_gust_moves_the_centre_of_mass_and_turns_nothing_by_itself() -> None:
     drone = replace(load_drone_config(), centre_of_mass=(0.05, 0.0, 0.0))
     wind = RandomDrift(4.0, 1e6, 1e-3, np.random.default_rng(2))  # hardly changes

@@ -9,8 +9,8 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
-from aerarm_ros.simulation.made_geometry import MadeGeometry, angles_of, rotation_about
-from aerarm_ros.simulation.mocap import MARKERS, EmulatedCamera, EmulatedMocap, MocapSettings
+from aerarm_ros.simulation.made_geometry import MadeGeometry
+from aerarm_ros.simulation.mocap import MARKERS, EmulatedCamera, EmulatedMocap
 
 ROBOT, CONFIG = load_robot(), load_arm_config()
 LINK = ROBOT.link_names[-1]
@@ -53,17 +53,9 @@ def test_configuration_and_drone_are_as_made() -> None:
     assert turn == pytest.approx(np.linalg.norm(made.mount_turn), rel=1e-6)
 
 
-def test_rotations_are_those_of_a_library() -> None:
-    vector = np.array([0.3, -1.2, 0.8])
-    rotation = rotation_about(vector)
-    np.testing.assert_allclose(rotation, Rotation.from_rotvec(vector).as_matrix(), atol=1e-12)
-    back = Rotation.from_euler('xyz', angles_of(rotation)).as_matrix()
-    np.testing.assert_allclose(back, rotation, atol=1e-12)
-
-
 def test_the_motion_capture_has_its_noise_and_hides_markers() -> None:
     plant = plant_of(MadeGeometry.of(ROBOT, 1))
-    mocap = EmulatedMocap(LINK, 1, MocapSettings(noise=0.2e-3, dropout=0.1))
+    mocap = EmulatedMocap(LINK, 1, noise=0.2e-3, dropout=0.1)
     low, high = ROBOT.posture_range
     hidden, errors = [], []
     for q in np.random.default_rng(0).uniform(low, high, (150, 4)):

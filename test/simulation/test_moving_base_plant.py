@@ -7,7 +7,7 @@ from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters
+from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 from aerarm_ros.simulation.base_profile import BaseProfile
 from aerarm_ros.simulation.flying_plant import MovingBasePlant
 
@@ -67,14 +67,3 @@ def test_the_profile_s_derivatives_belong_to_it() -> None:
         assert np.linalg.norm(turn) == pytest.approx(
             np.linalg.norm(here.angular_velocity), rel=1e-6
         )
-
-
-def test_the_base_follows_its_profile(parameters) -> None:
-    profile = BaseProfile(swing=0.5, shift=np.array([0.2, 0.0, 0.1]))
-    plant = MovingBasePlant(load_robot(), parameters, START, profile)
-    assert not plant.base.velocity.any()
-    plant.start()
-    plant.advance(1.0)
-    np.testing.assert_allclose(plant.base.position, profile.evaluate(1.0).position, atol=1e-9)
-    np.testing.assert_allclose(plant._data.qpos[:3], plant.base.position, atol=1e-3)
-    assert plant.time == pytest.approx(1.0, abs=SUBSTEP)

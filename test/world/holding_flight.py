@@ -35,9 +35,7 @@ from aerarm_ros.simulation.sensors import (
     BandLimitedNoise,
     DelayedSensor,
     FaultyImu,
-    ImuErrors,
     NoisyOdometry,
-    OdometryErrors,
     OdometryReading,
 )
 from aerarm_ros.world.world_law import WorldGains
@@ -110,7 +108,7 @@ class HoldingFlight:
         gust = BandLimitedNoise(each, 0.5, CYCLE, random) if flight.wind else None
         self.plant = FlyingPlant(robot, parameters, POSTURE, drone, gust=gust)
         self.kinematics = Kinematics(robot)
-        faulty = FaultyImu(ImuErrors(0.05, 0.003, 0.05, 0.002), 1.0 / IMU_RATE, flight.seed)
+        faulty = FaultyImu(1.0 / IMU_RATE, flight.seed, 0.05, 0.003, 0.05, 0.002)
         self.imu = DelayedSensor(lambda: faulty.apply(self.plant.imu), IMU_RATE, CYCLE, 4e-3)
         self.seen = self._odometry(GOOD, 1)
         self.told = self.seen if flight.odometry == GOOD else self._odometry(flight.odometry, 2)
@@ -129,7 +127,7 @@ class HoldingFlight:
         self, quality: tuple[float, float, float, float], seed: int
     ) -> DelayedSensor[OdometryReading]:
         rate, delay, *noise = quality
-        noisy = NoisyOdometry(OdometryErrors(*noise), 10 * self.flight.seed + seed)
+        noisy = NoisyOdometry(10 * self.flight.seed + seed, (*noise, 0.0, 0.0))
         return DelayedSensor(lambda: noisy.apply(self.plant.odometry), rate, CYCLE, delay)
 
     def _make_pilot(self) -> None:

@@ -14,10 +14,8 @@ from aerarm_ros.simulation.sensors import (
     BandLimitedNoise,
     DelayedSensor,
     FaultyImu,
-    ImuErrors,
     ImuReading,
     NoisyOdometry,
-    OdometryErrors,
     OdometryReading,
     RandomDrift,
 )
@@ -181,8 +179,8 @@ DRONE_PARAMETERS = grouped(
 def imu(values: SimpleNamespace, plant: FreeBasePlant) -> DelayedSensor[ImuReading]:
     """Create the emulated IMU from parameters; raise ValueError for invalid parameters."""
     noise, bias = _numbers(values, 'imu_noise', 2), _numbers(values, 'imu_bias', 2)
-    errors = ImuErrors(noise[0], noise[1], bias[0], bias[1], values.imu_attitude_error)
-    faulty = FaultyImu(errors, 1.0 / values.imu_rate, _seed(values, _IMU_SEED))
+    errors = noise[0], noise[1], bias[0], bias[1], values.imu_attitude_error
+    faulty = FaultyImu(1.0 / values.imu_rate, _seed(values, _IMU_SEED), *errors)
     return DelayedSensor(
         lambda: faulty.apply(plant.imu), values.imu_rate, values.period, values.imu_delay
     )
@@ -192,8 +190,7 @@ def odometry(
     values: SimpleNamespace, plant: FlyingPlant, name: str = 'odometry', seed: int = _ODOMETRY_SEED
 ) -> DelayedSensor[OdometryReading]:
     """Create the odometry sensor of a topic; raise ValueError for invalid parameters."""
-    errors = OdometryErrors(*_numbers(values, f'{name}_noise', 4))
-    noisy = NoisyOdometry(errors, _seed(values, seed))
+    noisy = NoisyOdometry(_seed(values, seed), _numbers(values, f'{name}_noise', 4))
     rate, delay = getattr(values, f'{name}_rate'), getattr(values, f'{name}_delay')
     return DelayedSensor(lambda: noisy.apply(plant.odometry), rate, values.period, delay)
 

@@ -17,13 +17,7 @@ from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.simulation.arm_plant import ArmPlant
 from aerarm_ros.simulation.flying_plant import FreeBasePlant
-from aerarm_ros.simulation.mocap import (
-    CameraSettings,
-    EmulatedCamera,
-    EmulatedMocap,
-    MocapSettings,
-    quaternion_of,
-)
+from aerarm_ros.simulation.mocap import EmulatedCamera, EmulatedMocap, quaternion_of
 from aerarm_ros.simulation.sensors import DelayedSensor
 
 SENSOR_PARAMETERS = (
@@ -120,7 +114,7 @@ class EmulatedSensors:
             self._sensors.append((sensor, publish))
 
         if values.mocap_rate > 0.0:
-            mocap = EmulatedMocap(link, seed, MocapSettings(noise=values.mocap_noise))
+            mocap = EmulatedMocap(link, seed, values.mocap_noise)
             clock_ns = round(1e9 * values.mocap_clock)
             markers = [self._publisher(PointStamped, f'mocap/{name}') for name in mocap.names]
             add(mocap.read, values.mocap_rate, partial(_publish_markers, markers, clock_ns))
@@ -129,7 +123,7 @@ class EmulatedSensors:
                 publish = partial(_publish_pose, body, 'mocap', clock_ns)
                 add(mocap.read_body, values.mocap_rate, publish)
         if values.camera_rate > 0.0:
-            camera = EmulatedCamera(link, seed, CameraSettings(pixel_noise=values.camera_noise))
+            camera = EmulatedCamera(link, seed, values.camera_noise)
             marker = self._publisher(PoseStamped, 'camera/marker')
             add(camera.read, values.camera_rate, partial(_publish_pose, marker, 'camera', 0))
 

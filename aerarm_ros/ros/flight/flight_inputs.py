@@ -165,6 +165,66 @@ def _time_problem(ahead: float, lead: float) -> str:
     )
 
 
+_LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, bounds of a trajectory's start
+
+
+class FlightTargets:
+    """Target of the drone: the newest set point, or the present point of the newest trajectory.
+
+    All times are those of one clock [s].
+
+    Attributes
+    ----------
+    target
+        Last target, None before the first.
+    is_path
+        Whether the target moves along a trajectory.
+    """
+
+    def __init__(self) -> None:
+        self.target: FlightTarget | None = None
+        self._path: tuple[float, FlightPath] | None = None
+
+    @property
+    def is_path(self) -> bool:
+        """Whether the target moves along a trajectory."""
+        return self._path is not None
+
+    def hold(self, target: FlightTarget | None) -> None:
+        """Set a constant target, and end a trajectory."""
+        self.target, self._path = target, None
+
+    def go_along(
+        self, message: MultiDOFJointTrajectory, frame: str, start: FlightTarget | None,
+        now: float, stamp_now: float,
+    ) -> None:  # fmt: skip
+        """Set a trajectory that begins at `start`; raises RejectedInputError.
+
+        `stamp_now` is the present time of the clock of the message's stamp.
+        """
+        if start is None:
+            raise RejectedInputError(
+                'flight_trajectory rejected, because the position of the drone is unknown: check '
+                "the odometry topic or the autopilot's position estimate, then send the trajectory "
+                'again'
+            )
+        stamp = seconds(message.header.stamp)
+        delay = stamp - stamp_now if stamp else 0.0
+        if not -_LATEST < delay < _EARLIEST:
+            raise RejectedInputError(
+                f'flight_trajectory rejected, because its stamp is {delay:+.1f} s from now '
+                f'(accepted: {-_LATEST:g} to {_EARLIEST:g} s): set the stamp to zero ("now"), or '
+                'synchronize the clocks'
+            )
+        self._path = now + delay, to_path(message, frame, start)
+
+    def at(self, now: float) -> FlightTarget | None:
+        """Return the target at a time [s], None before the first."""
+        if self._path is not None:
+            self.target = self._path[1].at(now - self._path[0])
+        return self.target
+
+
 def to_target(message: PoseStamped, frame: str) -> FlightTarget:
     """Return the flight target of a set point in frame `frame`; raises RejectedInputError."""
     _require_frame('flight_set_point', message.header.frame_id, frame)

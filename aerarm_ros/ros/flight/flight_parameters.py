@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from aerarm_ros.autopilot import ardupilot_link
+from aerarm_ros.autopilot.ardupilot import ArduPilotSetPoints, ArduPilotSetup
 from aerarm_ros.autopilot.ardupilot_flight import ArduPilotFirmware
-from aerarm_ros.autopilot.ardupilot_loop import ArduPilotSetPoints
-from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
-from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
-from aerarm_ros.autopilot.betaflight_link import BetaflightLink
+from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight, BetaflightLink
 from aerarm_ros.autopilot.firmware_flight import FirmwareFlight
-from aerarm_ros.autopilot.px4 import SENSORS, VISION, Px4Gains, hover_share
-from aerarm_ros.autopilot.px4_flight import Px4Firmware
-from aerarm_ros.autopilot.px4_link import (
-    COMPANION_PORT,
-    OFFBOARD_PORT,
-    SIMULATOR_PORT,
-    CompanionLink,
-    SimulatorLink,
+from aerarm_ros.autopilot.px4 import (
+    SENSORS,
+    VISION,
+    Px4Gains,
+    Px4SetPoints,
+    hover_share,
+    tilt_ahead,
 )
-from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
+from aerarm_ros.autopilot.px4_flight import Px4Firmware
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
@@ -31,39 +27,23 @@ OWN, PX4_SITL, ARDUPILOT_SITL, BETAFLIGHT = 'own', 'px4_sitl', 'ardupilot_sitl',
 FlightLaw = FlightControl | FirmwareFlight | BetaflightFlight
 
 _GAINS = FlightGains()
+_GAIN_ROWS = (
+    ('position_frequency', 'bandwidth of the position loop, horizontal', 'rad/s', 0.1, 20),
+    ('height_frequency', 'bandwidth of the position loop, vertical', 'rad/s', 0.1, 20),
+    ('attitude_frequency', 'bandwidth of the attitude loop', 'rad/s', 1.0, 60),
+    ('position_damping', 'damping ratio of the position loop', '', 0.1, 3.0),
+    ('attitude_damping', 'damping ratio of the attitude loop', '', 0.1, 3.0),
+    ('position_integral', 'integral gain of the position loop, relative to its bandwidth',
+     '', 0.0, 1.0),
+    ('attitude_integral', 'integral gain of the attitude loop, relative to its bandwidth',
+     '', 0.0, 1.0),
+    ('speed_max', 'largest velocity towards a set point', 'm/s', 0.01, 20),
+    ('tilt_max', 'largest commanded tilt', 'rad', 0.05, 1.2),
+)  # fmt: skip
 FLIGHT_PARAMETERS = (
     *grouped(
         'Position and attitude control',
-        Parameter(
-            'position_frequency', _GAINS.position_frequency,
-                'bandwidth of the position loop, horizontal',
-            'rad/s', 0.1, 20,
-        ),
-        Parameter(
-            'height_frequency', _GAINS.height_frequency, 'bandwidth of the position loop, vertical',
-            'rad/s', 0.1, 20,
-        ),
-        Parameter(
-            'attitude_frequency', _GAINS.attitude_frequency,
-                'bandwidth of the attitude loop', 'rad/s', 1.0,
-            60,
-        ),
-        Parameter('position_damping', _GAINS.position_damping,
-            'damping ratio of the position loop', '', 0.1, 3.0),
-        Parameter('attitude_damping', _GAINS.attitude_damping,
-            'damping ratio of the attitude loop', '', 0.1, 3.0),
-        Parameter(
-            'position_integral', _GAINS.position_integral,
-                'integral gain of the position loop, relative to its bandwidth', '', 0.0, 1.0
-        ),
-        Parameter(
-            'attitude_integral', _GAINS.attitude_integral,
-                'integral gain of the attitude loop, relative to its bandwidth', '', 0.0, 1.0
-        ),
-        Parameter(
-            'speed_max', _GAINS.speed_max, 'largest velocity towards a set point', 'm/s', 0.01, 20
-        ),
-        Parameter('tilt_max', _GAINS.tilt_max, 'largest commanded tilt', 'rad', 0.05, 1.2),
+        *(Parameter(row[0], getattr(_GAINS, row[0]), *row[1:]) for row in _GAIN_ROWS),
     ),
     *grouped(
         'Control loops of PX4',
@@ -77,9 +57,8 @@ FLIGHT_PARAMETERS = (
                 'ArduPilot program (its option -I)', '', 0, 250
         ),
         Parameter(
-            'autopilot_sensors', VISION,
-            "source of the firmware's position: external odometry or satellites",
-            choices=SENSORS,
+            'autopilot_sensors', VISION, 'source of the position of PX4 or ArduPilot: vision '
+                '(odometry) or gps (simulated GPS receiver)', choices=SENSORS,
         ),
         Parameter('mc_att_p', Px4Gains.mc_att_p, "PX4's attitude gains MC_ROLL_P and "
                                                  'MC_PITCH_P', '1/s', 0.5, 30.0),
@@ -152,30 +131,21 @@ def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProper
 def _px4_firmware(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> FirmwareFlight:
-    names, number = ('mc_att_p', 'mc_rate_k', 'mc_yawrate_p'), values.autopilot_instance
+    names = ('mc_att_p', 'mc_rate_k', 'mc_yawrate_p')
     px4 = Px4Gains(**{name: getattr(values, name) for name in names})
-    simulator = SimulatorLink(SIMULATOR_PORT + number)
-    companion = CompanionLink(COMPANION_PORT + number, OFFBOARD_PORT + number)
     acceleration = tilt_ahead(px4, drone) if values.tilt_ahead else None
     set_points = Px4SetPoints(drone, flight_gains(values), acceleration, values.hold_heading)
-    firmware = Px4Firmware(simulator, companion, values.autopilot_sensors)
+    firmware = Px4Firmware.instance(values.autopilot_instance, values.autopilot_sensors)
     return FirmwareFlight(drone, body, firmware, set_points)
 
 
 def _ardupilot_firmware(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> FirmwareFlight:
-    setup = ArduPilotSetup(sensors=values.autopilot_sensors)
-    motors = motors_of(drone)
+    setup, number = ArduPilotSetup(), values.autopilot_instance
     hover_share(drone, body)  # checks that ArduPilot can lift the drone
-    more = ardupilot_link.PORT_STEP * values.autopilot_instance
-    simulator = ardupilot_link.JsonLink(ardupilot_link.SIMULATOR_PORT + more)
-    companion = CompanionLink(ardupilot_link.COMPANION_PORT + more, None)
-    firmware = ArduPilotFirmware(simulator, companion, motors, setup.sensors)
-    acceleration = SetPointAcceleration()
-    if values.tilt_ahead:
-        lasting = setup.rate_i / setup.rate_p
-        acceleration = SetPointAcceleration(setup.att_p, setup.rate_gain(drone), lasting)
+    firmware = ArduPilotFirmware.instance(number, drone, values.autopilot_sensors)
+    acceleration = setup.tilt_ahead(drone) if values.tilt_ahead else SetPointAcceleration()
     set_points = ArduPilotSetPoints(setup.loop, acceleration, values.hold_heading)
     return FirmwareFlight(drone, body, firmware, set_points)
 

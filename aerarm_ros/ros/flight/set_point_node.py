@@ -12,8 +12,7 @@ import numpy as np
 import rclpy
 from rclpy.qos import qos_profile_sensor_data
 
-from aerarm_ros.autopilot.ardupilot_loop import ArduPilotLoop
-from aerarm_ros.autopilot.ardupilot_setup import moment_unit
+from aerarm_ros.autopilot.ardupilot import ArduPilotLoop, moment_unit
 from aerarm_ros.autopilot.mavlink_autopilot import ARDUPILOT, PX4
 from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration

@@ -37,8 +37,3 @@ def test_backlash_is_optional_and_not_for_some_joints_alone() -> None:
     assert made([]).backlash is None
     with pytest.raises(ValueError, match='one for each of the 4 joints'):
         made([0.02, 0.01])
-
-
-def test_stribeck_friction_is_that_of_the_parameters() -> None:
-    parameters = made([], (0.5, 0.03))
-    assert (parameters.stribeck, parameters.stribeck_velocity) == (0.5, 0.03)

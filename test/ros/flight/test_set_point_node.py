@@ -6,10 +6,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped, QuaternionStamped, WrenchStamped
 from quick_spinning import release_nodes, spin_once
-from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.resources import resource
@@ -38,61 +36,55 @@ class AcceleratedDrone(SetPointNode):
         return set_point
 
 
-class AdvisedFlight:
-    """The node, its autopilot, and an arm whose time is some seconds ahead of the clock."""
-
-    def __init__(self, node: Node, flown: AcceleratedDrone) -> None:
-        self.node, self.flown = node, flown
-        self.ahead = 0.0  # [s]
-        self.problems: list[str] = []
-        self._set_points = node.create_publisher(AccelStamped, 'set_point', 1)
-        self._attitudes = node.create_publisher(QuaternionStamped, 'attitude', 1)
-        topic = topics.MOTION_WRENCH
-        self._motion = node.create_publisher(topic.type, topic.name, topic.offered)
-        topic = topics.DIAGNOSTICS
-        node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
-
-    def until(self, condition: Callable[[], object]) -> None:
-        """Fly on until a condition is true, with 1 N on the drone."""
-        deadline = time.monotonic() + LIMIT
-        while not condition():
-            assert time.monotonic() < deadline, self.problems
-            self._set_points.publish(AccelStamped())
-            self._attitudes.publish(QuaternionStamped())
-            stamp_ns = self.node.get_clock().now().nanoseconds + round(1e9 * self.ahead)
-            wrench = WrenchStamped()
-            wrench.header.stamp.sec, wrench.header.stamp.nanosec = divmod(stamp_ns, 10**9)
-            wrench.wrench.force.x = 1.0
-            self._motion.publish(wrench)
-            spin_once(self.node, 0.005)
-            for _ in range(10):
-                spin_once(self.flown.node, 0.001)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self.problems += [status.message for status in message.status]
-
-
 @pytest.fixture
-def flight(ros_domain: dict[str, str]) -> Iterator[AdvisedFlight]:
+def flown(ros_domain: dict[str, str]) -> Iterator[AcceleratedDrone]:
     drone = resource('config', 'drone.yaml')
     rclpy.init(args=['--ros-args', '-p', f'drone_file:={drone}'])
     try:
-        flight = AdvisedFlight(rclpy.create_node('test'), AcceleratedDrone())
-        yield flight
+        flown = AcceleratedDrone()
+        yield flown
         release_nodes()
-        flight.flown.close()
-        flight.node.destroy_node()
+        flown.close()
     finally:
         rclpy.shutdown()
 
 
-def test_a_clock_offset_of_the_arm_is_reported(flight: AdvisedFlight) -> None:
-    flight.until(lambda: 'in order' in flight.problems and np.any(flight.flown.added))
+def test_a_clock_offset_of_the_arm_is_reported(flown: AcceleratedDrone) -> None:
+    node, problems = rclpy.create_node('test'), ['']
+    set_points, attitudes, motion = (
+        node.create_publisher(kind, name, 1)
+        for kind, name in (
+            (AccelStamped, 'set_point'),
+            (QuaternionStamped, 'attitude'),
+            (WrenchStamped, topics.MOTION_WRENCH.name),
+        )
+    )
+    topic = topics.DIAGNOSTICS
+    node.create_subscription(
+        topic.type, topic.name, lambda m: problems.append(m.status[0].message), topic.qos
+    )
+
+    def fly_until(condition: Callable[[], object], ahead: float) -> None:
+        """Fly on with 1 N on the drone, and an arm whose time is some seconds ahead."""
+        deadline, wrench = time.monotonic() + LIMIT, WrenchStamped()
+        wrench.wrench.force.x = 1.0
+        while not condition():
+            assert time.monotonic() < deadline, problems
+            stamp_ns = node.get_clock().now().nanoseconds + round(1e9 * ahead)
+            wrench.header.stamp.sec, wrench.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+            set_points.publish(AccelStamped())
+            attitudes.publish(QuaternionStamped())
+            motion.publish(wrench)
+            spin_once(node, 0.005)
+            for _ in range(10):
+                spin_once(flown.node, 0.001)
+
+    fly_until(lambda: 'in order' in problems and np.any(flown.added), 0.0)
     for ahead, said in (
         (-1.5, "the arm's time is 1.5 s behind this computer's"),
         (1.5, "the arm's time is 1.5 s ahead of this computer's"),
         (-0.12, "the arm's forecast is 0.1"),  # 0.15 s with feed_lead, and the way here
     ):
-        flight.ahead = ahead
-        flight.until(lambda said=said: said in flight.problems[-1])
-        assert 'pace:=real_time' in flight.problems[-1]
+        fly_until(lambda said=said: said in problems[-1], ahead)
+        assert 'pace:=real_time' in problems[-1]
+    node.destroy_node()
