@@ -74,28 +74,23 @@ class SequenceGaps:
 
 
 class PublisherGaps:
-    """Counter of the lost messages of each publisher.
+    """Counter of the lost messages of several publishers.
 
-    If the publisher of each message is known, the number is exact: every number that is missing
-    between two received messages of a publisher is a lost message. If the middleware does not
-    report the publisher, `SequenceGaps` estimates the number.
+    Every number that is missing between two received messages of a publisher is a lost message.
     """
 
     def __init__(self) -> None:
         self._newest: dict[bytes, int] = {}
         self._lost = 0
-        self._guess = SequenceGaps()
 
     @property
     def lost(self) -> int | None:
         """Number of missing messages so far; None if no message had a sequence number."""
-        return self._lost if self._newest else self._guess.lost
+        return self._lost if self._newest else None
 
-    def add(self, number: int, publisher: bytes | None) -> None:
-        """Process the sequence number of the next message; `publisher` is None if unknown."""
-        if publisher is None:
-            self._guess.add(number)
-        elif number not in UNNUMBERED:
+    def add(self, number: int, publisher: bytes) -> None:
+        """Process the sequence number of the next message of a publisher."""
+        if number not in UNNUMBERED:
             newest = self._newest.get(publisher, number - 1)
             if number > newest:  # otherwise a repeated message
                 self._lost += number - newest - 1

@@ -235,7 +235,7 @@ class BagFeed:
         self.names = [node.resolve_topic_name(topic.name) for topic in topics]
         recorded = map(as_recorded, topics, self.names)
         self._writer = BagWriter(directory, list(recorded), compression)
-        self._reader = RawReader(node, *subscribed, identify=True)
+        self._reader = RawReader(node, *subscribed)
         self._received = [0] * len(topics)  # reception time of each topic's last message [ns]
         self._lost = [0] * len(topics)
         self._is_stream = [
@@ -311,7 +311,7 @@ class BagFeed:
         sequence of numbers per topic.
         """
         number: int = info['publication_sequence_number']
-        if number in UNNUMBERED or 'publisher' not in info:
+        if number in UNNUMBERED:
             return number
         return self._reader.count(index) + (self._reader.lost(index) or 0)
 

@@ -115,7 +115,7 @@ def test_a_wait_ends_when_the_context_does(ros_domain) -> None:
 
 def test_each_publishers_losses_are_counted(ros_node: Node) -> None:
     short = Topic('words', String, QoSProfile(depth=5))
-    reader = RawReader(ros_node, short, identify=True)
+    reader = RawReader(ros_node, short)
     first, second = (ros_node.create_publisher(String, short.name, DEEP.qos) for _ in range(2))
     wait_until(lambda: reader.publishers() == 2)
     taken: list[tuple[bytes, dict]] = []
@@ -149,7 +149,7 @@ def test_each_publishers_losses_are_counted(ros_node: Node) -> None:
 
 
 def test_a_long_message_is_received_completely(ros_node: Node) -> None:
-    reader = RawReader(ros_node, DEEP, identify=True)
+    reader = RawReader(ros_node, DEEP)
     publisher = ros_node.create_publisher(String, DEEP.name, DEEP.qos)
     wait_until(lambda: publisher.get_subscription_count() == 1)
     for length in (100_000, 3, 1_000_000):
