@@ -149,11 +149,6 @@ class CdrReader:
         return data
 
 
-_WORDS = np.dtype('<u8')
-_HALF, _ODD = np.uint64(32), np.uint64(1)
-_WEIGHT = np.uint64(0x9E3779B97F4A7C15)  # arbitrary; weights of adjacent words differ in all bits
-
-
 class Payloads(Sequence[bytes]):
     """Sequence of K serialized messages in one buffer; only access to a message copies it.
 
@@ -227,20 +222,6 @@ class Payloads(Sequence[bytes]):
         order = np.argsort(sizes, kind='stable')
         firsts = np.unique(sizes[order], return_index=True)[1]
         yield from sorted(np.split(order, firsts[1:]), key=lambda index: int(index[0]))
-
-    def hashes(self) -> NDArray[np.uint64]:
-        """Return one hash per message, (K,): the weighted sum of its words plus its size."""
-        found = self.sizes.astype(np.uint64)
-        for index in self.groups_of_size():
-            rows = self.rows(index)
-            words = np.zeros((len(rows), -(-rows.shape[1] // _WORDS.itemsize)), _WORDS)
-            words.view(np.uint8)[:, : rows.shape[1]] = rows
-            # Otherwise sign bits, the highest bits of the words, would cancel out in the sum.
-            words ^= words >> _HALF
-            weights = np.arange(1, words.shape[1] + 1, dtype=np.uint64) * _WEIGHT
-            weights ^= weights >> _HALF
-            found[index] += words @ (weights | _ODD)
-        return found
 
 
 def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -> NDArray[Any]:
