@@ -22,7 +22,7 @@ from radio.rig import DOMAIN, HERE, PATIENCE, Loop, Rig, is_fault, run, wait_for
 from radio.two_hosts import TwoHosts, missing_rights
 from run import machine
 
-from aerarm_msgs_py.bags.bag_reader import topics
+from aerarm_msgs_py.bags.bag_reader import lost_messages, read_joint_states
 from aerarm_ros.description.arm_config import load_arm_config
 
 
@@ -229,9 +229,9 @@ def measure_recording(rig: Rig, seconds: float) -> None:
             path.read_bytes() == (rig.folder / 'bags' / bag.name / path.name).read_bytes()
             for path in bag.iterdir()
         )
-        found = topics(bag)['/joint_states']
-        row(name, f'{loss:.0%}', f'{found.messages} joint_states', f'{1e-6 * size:.2f} MB',
-            found.lost, f'{took:.1f} s', f'{8e-6 * size / took:.2f} Mbit/s',
+        states = read_joint_states(bag)
+        row(name, f'{loss:.0%}', f'{len(states)} joint_states', f'{1e-6 * size:.2f} MB',
+            lost_messages(states.sequence), f'{took:.1f} s', f'{8e-6 * size / took:.2f} Mbit/s',
             'resumed, same bytes' if same and not status else f'FAILED, {status}',
             f'{stopped:.3f} s')  # fmt: skip
     rig.relay.send_line('loss 0')

@@ -19,8 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.codecs.cdr import ENCAPSULATION_SIZE
-from aerarm_msgs_py.live_topics import RawReader
-from aerarm_msgs_py.sequence_gaps import UNNUMBERED
+from aerarm_msgs_py.live_topics import UNNUMBERED, RawReader
 from aerarm_msgs_py.topics import (
     CLOCK,
     JOINT_STATES,

@@ -4,20 +4,12 @@ import struct
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from aerarm_msgs_py.codecs.cdr import (
-    CdrPrefix,
-    CdrReader,
-    Float64ArrayCdr,
-    Payloads,
-    diagnostic_values,
-    elements_at,
-)
+from aerarm_msgs_py.codecs.cdr import CdrPrefix, CdrReader, Float64ArrayCdr, Payloads, elements_at
 
 MESSAGES = [b'abc', b'', b'defg', b'hij']
 
@@ -56,19 +48,6 @@ def test_refuses_short_and_foreign_payloads() -> None:
     for read in (CdrReader.strings, CdrReader.doubles, CdrReader.string):
         with pytest.raises(ValueError, match='too early'):
             read(CdrReader(endless))
-
-
-def test_values_by_status() -> None:
-    statuses = [
-        DiagnosticStatus(
-            name=name, values=[KeyValue(key=f'k{i}', value='v' * i) for i in range(count)]
-        )
-        for count, name in enumerate(('a', 'bb', 'ccc'))
-    ]
-    payload = serialize_message(DiagnosticArray(status=statuses))
-    assert diagnostic_values(payload) == {'a': {}, 'bb': {'k0': ''}, 'ccc': {'k0': '', 'k1': 'v'}}
-    with pytest.raises(ValueError, match='ends too early'):
-        diagnostic_values(payload[:-6])
 
 
 @given(st.lists(st.floats(), min_size=1, max_size=9))

@@ -8,7 +8,7 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from aerarm_msgs_py.bags.bag_reader import read_joint_states, topics
+from aerarm_msgs_py.bags.bag_reader import lost_messages, read_joint_states
 from aerarm_msgs_py.storage.read_limits import BagError, BagWarning
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -43,8 +43,8 @@ def test_reads_other_storages(tmp_path: Path, recording, storage, mode) -> None:
     directory = write(tmp_path / 'bag', recording.messages(1100), storage, mode)
     series = read_joint_states(directory)
     np.testing.assert_array_equal(series.position, recording.numbers(1100)[:, 0])
-    assert topics(directory)['/motor_states'].messages == 1100
-    assert topics(directory)['/motor_states'].lost is None
+    assert len(read_joint_states(directory, 'motor_states')) == 1100
+    assert lost_messages(series.sequence) is None
 
 
 def test_wrong_topics_and_files_raise_errors_with_the_reason(tmp_path: Path, recording) -> None:
