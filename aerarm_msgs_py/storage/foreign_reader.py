@@ -12,6 +12,7 @@ import struct
 import sys
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 SIZE = struct.Struct('<Q')
 """Format of the number of bytes that precedes each item in the output."""
@@ -22,7 +23,7 @@ _LONGEST_ERROR = 200  # characters
 _OF_LIMITS = ('NoMemError', 'IOError', 'FullError')  # SQLite's errors of memory and temporary file
 
 
-def _write(*item: object) -> None:
+def _write(*item: Any) -> None:
     data = marshal.dumps(item)
     sys.stdout.buffer.write(SIZE.pack(len(data)))
     sys.stdout.buffer.write(data)

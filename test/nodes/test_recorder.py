@@ -252,11 +252,11 @@ def test_lost_messages_silent_streams_and_unrecordable_publishers_are_reported(
     assert found[-1].level == DiagnosticStatus.WARN
     assert int(reported('messages lost').removeprefix('at least ')) > 0
     # The console says so while it happens, and what to do.
-    wait(lambda: ' of /joint_states, from ' in recorder.tail(50))
+    wait(lambda: ' of /joint_states: end other programs' in recorder.tail(50))
     assert 'parameter depth, 10 now' in recorder.tail(100)
     assert recorder.stop() == 0
     log = recorder.tail(100)
-    (line,) = [x for x in log.splitlines() if '/joint_states: ' in x]
+    (line,) = [x for x in log.splitlines() if ' messages, ' in x and '/joint_states: ' in x]
     assert '[WARN]' in line
     assert log.count('/imu of /test') == 1
     assert '/motor_states: 0 messages, because the publisher sent none' in log
