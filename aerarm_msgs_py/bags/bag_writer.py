@@ -1,7 +1,6 @@
 """Writer of a rosbag2 directory; the bag stays readable if the recorder is killed."""
 
 import fcntl
-import io
 import os
 import threading
 import time
@@ -144,7 +143,7 @@ class BagWriter:
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
         self._make_directory()
         try:
-            self._stream = io.FileIO(self.directory / self._metadata.file, 'xb')
+            self._stream = (self.directory / self._metadata.file).open('xb')
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(self._stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._writer = McapWriter(self._stream, topics, compression)
@@ -203,7 +202,7 @@ class BagWriter:
             self._store_metadata()
         except OSError as error:
             self._failure = error
-        finally:
+        with suppress(OSError):  # the same error again
             self._stream.close()
         self._check()
 

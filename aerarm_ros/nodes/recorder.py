@@ -69,9 +69,7 @@ class Recorder:
         topics = find_topics(values.topics)
         self._depth = values.depth
         self._directory = values.bag or f'recording_{datetime.now():%Y%m%d_%H%M%S}'
-        self._feed = BagFeed(
-            self._node, topics, values.depth, self._directory, values.compression
-        )
+        self._feed = BagFeed(self._node, topics, values.depth, self._directory, values.compression)
         self._until = RECORDED_UNTIL.publisher(self._node)
         self._check = PublisherCheck(self._node, topics)
         self._sources = DuplicatePublisherCheck(self._node, JOINT_STATES)
