@@ -187,7 +187,7 @@ def test_a_disk_that_is_full_ends_it_with_one_line_and_a_readable_bag(
     source, ros_domain, tmp_path
 ) -> None:
     bag, log = tmp_path / 'bag', tmp_path / 'log.txt'
-    limited = f'ulimit -f 64 && exec {sys.executable} -m aerarm_ros.executables recorder "$@"'
+    limited = f'ulimit -f 128 && exec {sys.executable} -m aerarm_ros.executables recorder "$@"'
     arguments = ['--ros-args', '-p', f'bag:={bag}', '-p', 'compression:=none']
     with (
         log.open('w') as stream,
