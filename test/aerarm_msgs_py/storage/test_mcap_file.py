@@ -78,10 +78,3 @@ def test_a_missing_end_is_warned_about(tmp_path: Path, recording) -> None:
         with pytest.warns(BagWarning, match='is cut off'):
             blocks = list(opened(path).blocks(['/other']))
         assert sum(len(block.payloads) for block in blocks) == count
-
-
-def test_an_unknown_compression_is_warned_about(tmp_path: Path, recording) -> None:
-    path = write(tmp_path / 'a.mcap', recording.messages(10))
-    path.write_bytes(path.read_bytes().replace(b'\x04\0\0\0zstd', b'\x04\0\0\0abcd'))
-    with pytest.warns(BagWarning, match="unknown compression 'abcd'"):
-        assert list(opened(path).blocks()) == []
