@@ -14,6 +14,7 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
+from bad_link import same
 from rclpy.node import Node
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
@@ -158,13 +159,6 @@ def make_bag(folder: Path, name: str = 'flight', blocks: int = 150) -> Path:
     (bag / f'{name}_0.mcap').write_bytes(random.Random(7).randbytes(1024 * blocks + 5))
     (bag / 'metadata.yaml').write_text('rosbag2_bagfile_information:')
     return bag
-
-
-def same(one: Path, other: Path) -> bool:
-    names = sorted(path.name for path in one.iterdir())
-    return names == sorted(path.name for path in other.iterdir()) and all(
-        (one / name).read_bytes() == (other / name).read_bytes() for name in names
-    )
 
 
 def request(
