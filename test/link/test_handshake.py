@@ -53,9 +53,7 @@ def test_recorded_datagrams_change_nothing(link: Link) -> None:
     assert link.drone.peers == link.ground.peers == 1
 
 
-def test_a_held_back_datagram_of_a_former_ground_does_not_replace_the_present_one(
-    link: Link,
-) -> None:
+def test_a_held_back_datagram_of_a_former_ground_does_not_replace_the_present_one(link) -> None:
     link.is_cut = True
     link.ground.send(2, b'go', PROMPT)
     link.run(0.1)
@@ -94,9 +92,7 @@ def test_one_handshake_is_enough_on_a_slow_link(delay: float, side: str) -> None
 
 
 @pytest.mark.parametrize('each', [1, 5])
-def test_a_flood_of_starts_neither_cuts_the_live_ground_nor_keeps_a_new_one_out(
-    link: Link, each: int
-) -> None:
+def test_a_flood_of_starts_neither_cuts_the_live_ground_nor_keeps_a_new_one_out(link, each) -> None:
     starts = recorded_starts(link, 300)
     source = random.Random(4)
 

@@ -46,9 +46,7 @@ CASES: dict[str | bytes, str | BagInformation] = {
 
 
 @pytest.mark.parametrize('content', CASES, ids=range(len(CASES)))
-def test_metadata_is_read_or_rejected_in_limited_time_and_memory(
-    tmp_path: Path, content: str | bytes
-) -> None:
+def test_metadata_is_read_or_rejected_in_limited_time_and_memory(tmp_path, content) -> None:
     path = tmp_path / 'metadata.yaml'
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     expected = CASES[content]

@@ -46,9 +46,7 @@ ALL = list(range(1, COUNT + 1))
     ('opcode', 'length'),
     [*((6, length) for length in LENGTHS), *((opcode, None) for opcode in OTHER_KINDS)],
 )
-def test_a_chunk_of_another_kind_or_length_is_missing_alone(
-    file: Path, opcode: int, length: int | None
-) -> None:
+def test_a_chunk_of_another_kind_or_length_is_missing_alone(file, opcode, length) -> None:
     content = bytearray(file.read_bytes())
     start = chunks(content)[3].start
     content[start] = opcode

@@ -130,9 +130,7 @@ def test_an_e_stop_comes_before_commands_that_arrived_earlier(drone: WatchedEnd,
 @pytest.mark.parametrize(
     ('ahead', 'problem'), [(0.0, ''), (30.0, '30000 ms ahead of'), (-0.5, '500 ms behind')]
 )
-def test_different_clocks_are_reported(
-    drone: WatchedEnd, port: int, ahead: float, problem: str
-) -> None:
+def test_different_clocks_are_reported(drone, port, ahead, problem) -> None:
     ground = Ground(port)
     ground.ahead_ns = int(1e9 * ahead)
     run(lambda: np.isfinite(drone.connection.clock_offset), ground.exchange, drone.step)
@@ -151,9 +149,7 @@ def test_a_controller_on_the_ground_is_named(ros_node: Node, values: SimpleNames
     ground.close()
 
 
-def test_a_drone_with_an_address_of_its_ground_ignores_others(
-    ros_node: Node, values: SimpleNamespace, port: int
-) -> None:
+def test_a_drone_with_an_address_of_its_ground_ignores_others(ros_node, values, port) -> None:
     for address, is_heard in (('127.0.0.2', False), ('127.0.0.1', True)):
         values.ground = address
         end, ground = WatchedEnd(ros_node, values), Ground(port)
@@ -194,9 +190,7 @@ def test_two_grounds_are_reported(drone: WatchedEnd, port: int) -> None:
     assert 'one ground' not in drone._usual_problem(time.monotonic() + 20.0)
 
 
-def test_a_wrong_key_is_reported_once_unless_a_ground_is_connected(
-    drone: WatchedEnd, port: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_key_is_reported_once_unless_a_ground_is_connected(drone, port, capfd) -> None:
     sender, stranger = udp(), Ground(port, OTHER_KEY)
     strays = b'x' * 60, bytes(range(1, 120)), bytes(100)  # of another protocol
     for stray in strays:
@@ -216,9 +210,7 @@ def test_a_wrong_key_is_reported_once_unless_a_ground_is_connected(
     assert stranger.received == 0
 
 
-def test_both_ends_have_statuses_of_different_names(
-    drone: WatchedEnd, ros_node: Node, values: SimpleNamespace
-) -> None:
+def test_both_ends_have_statuses_of_different_names(drone, ros_node, values) -> None:
     names: set[str] = set()
     topics.DIAGNOSTICS.subscription(
         ros_node, lambda message: names.update(status.name for status in message.status)
@@ -253,9 +245,7 @@ def random_payload(source: random.Random, names: list[str]) -> bytes:
 
 
 @pytest.mark.parametrize('role', ['drone', 'ground'])
-def test_random_messages_of_an_authentic_end_do_not_end_the_node(
-    ros_node: Node, values: SimpleNamespace, role: str
-) -> None:
+def test_random_messages_of_an_authentic_end_do_not_end_the_node(ros_node, values, role) -> None:
     other = rclpy.create_node('other')  # its services are relayed
     other.create_service(Trigger, '/other/e_stop', lambda _, response: response)
     end = (DroneEnd if role == 'drone' else GroundEnd)(ros_node, values, KEY)
@@ -277,9 +267,7 @@ def test_random_messages_of_an_authentic_end_do_not_end_the_node(
 
 
 @pytest.mark.skipif(not Path('/dev/shm').is_dir(), reason='no shared memory folder: Linux only')
-def test_no_publisher_waits_for_a_new_subscriber(
-    ros_node: Node, values: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_publisher_waits_for_a_new_subscriber(ros_node, values, tmp_path, monkeypatch) -> None:
     """The ground has no bridge, whose watch shortens the wait of ports on the drone."""
     entered: list[bool] = []
     monkeypatch.setattr(PortWatch, '__enter__', lambda watch: entered.append(True) or watch)

@@ -249,9 +249,7 @@ def test_a_fetch_that_is_rejected_names_the_reason_and_can_be_repeated(
     thread.join()
 
 
-def test_a_second_bag_waits_for_the_first(
-    link: LinkedRecordings, client: Node, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_second_bag_waits_for_the_first(link, client, tmp_path, monkeypatch) -> None:
     bags = [make_bag(tmp_path, name) for name in ('one', 'two')]
     second = request(client, tmp_path / 'here', 'two')
     second._begin()
@@ -294,9 +292,7 @@ def record(
     return told
 
 
-def test_a_recording_of_the_drone_is_fetched_after_ctrl_c(
-    link: LinkedRecordings, client: Node, tmp_path: Path
-) -> None:
+def test_a_recording_of_the_drone_is_fetched_after_ctrl_c(link, client, tmp_path) -> None:
     link.loss = 0.05
     record(link, client, tmp_path / 'here', RecordingRequest._stop)
     assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
@@ -316,9 +312,7 @@ def end_recorder(link: LinkedRecordings) -> None:
         (LinkedRecordings.restart_drone, 'restarted during the recording'),
     ],
 )
-def test_the_user_learns_why_the_recording_ended_early(
-    link: LinkedRecordings, client: Node, tmp_path: Path, end, said: str
-) -> None:
+def test_the_user_learns_why_the_recording_ended_early(link, client, tmp_path, end, said) -> None:
     with pytest.raises(ArmClientError, match=said):
         record(link, client, tmp_path / 'here', lambda _: end(link))
     assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
@@ -338,9 +332,7 @@ def test_an_invalid_request_is_rejected(link: LinkedRecordings, tmp_path: Path) 
     assert not list(tmp_path.glob('x*'))
 
 
-def test_recorded_datagrams_start_nothing(
-    link: LinkedRecordings, client: Node, tmp_path: Path
-) -> None:
+def test_recorded_datagrams_start_nothing(link, client, tmp_path) -> None:
     make_bag(tmp_path, blocks=20)
     request(client, tmp_path / 'here').fetch()
     with link.lock:
