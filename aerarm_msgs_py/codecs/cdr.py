@@ -216,9 +216,6 @@ class Payloads(Sequence[bytes]):
         sizes = self.sizes
         if not len(sizes):
             return
-        if (sizes == sizes[0]).all():
-            yield np.arange(len(sizes))
-            return
         order = np.argsort(sizes, kind='stable')
         firsts = np.unique(sizes[order], return_index=True)[1]
         yield from sorted(np.split(order, firsts[1:]), key=lambda index: int(index[0]))

@@ -299,7 +299,7 @@ class JointStateDecoder:
         self.names: list[str] = []
         self.irregular = 0
         self.singly = 0
-        self._codecs: list[tuple[JointStateCdr, list[int]]] = []
+        self._codecs: dict[tuple[tuple[str, ...], str], tuple[JointStateCdr, list[int]]] = {}
         self._learnt = 0
 
     def decode(self, payloads: Payloads) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -333,7 +333,7 @@ class JointStateDecoder:
         self, payloads: Payloads, left: NDArray[np.intp], stamp_ns: NDArray[np.int64]
     ) -> Iterator[_Decoded]:
         """Decode messages of equal size, and yield their values in groups of equal layout."""
-        codecs = tuple(self._codecs)
+        codecs = list(self._codecs.values())
         while len(left):
             for codec, columns in codecs:
                 mine, stamps, numbers = codec.unpack_rows(payloads.rows(left))
@@ -347,7 +347,7 @@ class JointStateDecoder:
                 yield first, numbers[None], columns
                 left = left[1:]
                 # The layout of one message usually fits all of the group.
-                codecs = tuple(self._codecs[-1:] if self._learnt > learnt else ())
+                codecs = list(self._codecs.values())[-1:] if self._learnt > learnt else []
 
     def _decode_one(self, payload: bytes) -> tuple[int, NDArray[np.float64], list[int]]:
         """Return the stamp [ns] of one message, its values (3, m), and the m columns for them."""
@@ -384,14 +384,13 @@ class JointStateDecoder:
         return self.names.index(name)
 
     def _remember(self, names: list[str], frame_id: str, columns: list[int]) -> None:
-        known = any(
-            codec.names == tuple(names) and codec.frame_id == frame_id for codec, _ in self._codecs
-        )
+        key = tuple(names), frame_id
         short = len(frame_id) + sum(map(len, names)) < _LONGEST_PREFIX
-        if names and short and not known and self._learnt < _LEARNT_LAYOUTS:
-            self._codecs.append((JointStateCdr(names, frame_id), columns))
+        if names and short and key not in self._codecs and self._learnt < _LEARNT_LAYOUTS:
             self._learnt += 1
-            del self._codecs[:-_KNOWN_LAYOUTS]
+            self._codecs[key] = JointStateCdr(names, frame_id), columns
+            if len(self._codecs) > _KNOWN_LAYOUTS:
+                del self._codecs[next(iter(self._codecs))]
 
 
 def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
