@@ -141,13 +141,17 @@ class BagWriter:
             )
         self.directory = Path(directory)
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
-        self._make_directory()
         try:
+            self.directory.mkdir(parents=True)
             self._stream = (self.directory / self._metadata.file).open('xb')
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(self._stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._writer = McapWriter(self._stream, topics, compression)
             self._store_metadata()
+        except FileExistsError:
+            raise BagError(
+                f'the directory {self.directory} already exists: choose another directory'
+            ) from None
         except OSError as error:
             raise self._error(error) from error
         self._queue: deque[RecordedMessage] = deque()
@@ -219,22 +223,9 @@ class BagWriter:
     def _error(self, error: Exception) -> BagError:
         reason = getattr(error, 'strerror', None) or error
         return BagError(
-            f'the bag {self.directory} cannot be written ({reason}): check permissions and free '
-            'space'
+            f'the bag {self.directory} cannot be written ({reason}): check the path, its '
+            'permissions and the free space'
         )
-
-    def _make_directory(self) -> None:
-        try:
-            self.directory.mkdir(parents=True)
-        except FileExistsError:
-            raise BagError(
-                f'the directory {self.directory} already exists: choose another directory'
-            ) from None
-        except OSError as error:
-            raise BagError(
-                f'the directory {self.directory} cannot be created ({error.strerror}): check path '
-                'and permissions'
-            ) from error
 
     def _work(self) -> None:
         metadata_due = time.monotonic() + _METADATA_PERIOD

@@ -107,7 +107,7 @@ def test_an_impossible_bag_raises_an_error_with_the_reason(tmp_path, write_bag, 
     (tmp_path / 'file').touch()
     for directory, compression, said in (
         (bag, 'zstd', 'exists'),
-        (tmp_path / 'file' / 'bag', 'zstd', 'cannot be created'),
+        (tmp_path / 'file' / 'bag', 'zstd', 'cannot be written'),
         (tmp_path / 'other', 'zip', 'choose one of none, lz4, zstd'),
     ):
         with pytest.raises(BagError, match=said):
