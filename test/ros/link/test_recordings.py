@@ -76,14 +76,14 @@ class LinkedRecordings:
 
     def restart_ground(self) -> None:
         with self.lock:
-            self.ground.destroy()
+            self.ground.close()
             self.start_ground()
 
     def close(self) -> None:
         self.is_over = True
         self._thread.join()
         self.drone.close()
-        self.ground.destroy()
+        self.ground.close()
         assert self.errors == []
         assert self.drone._logs is None or not self.drone._logs.exists()
 
