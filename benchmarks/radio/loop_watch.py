@@ -50,13 +50,8 @@ class Account:
 
     def row(self) -> dict[str, object]:
         """Return the statistics."""
-        span = 1e-9 * (self.last_ns - self.first_ns)
-        return {
-            'states': self.states,
-            'span': span,
-            'longest': 1e-9 * self.longest_ns,
-            'gaps': self.gaps,
-        }
+        span, longest = 1e-9 * (self.last_ns - self.first_ns), 1e-9 * self.longest_ns
+        return {'states': self.states, 'span': span, 'longest': longest, 'gaps': self.gaps}
 
 
 def main() -> None:
