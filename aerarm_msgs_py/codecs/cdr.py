@@ -32,8 +32,8 @@ class CdrPrefix:
     ----------
     end
         Offset of the first byte after the prefix.
-    content
-        Bytes of the constant fields, with zeros as padding.
+    content, mask
+        Bytes of the constant fields, with zeros as padding, and their bits, without the padding.
     """
 
     def __init__(self, start: int, text: str, texts: Sequence[str]) -> None:
@@ -47,7 +47,7 @@ class CdrPrefix:
         self.start, self.end = start, start + len(content)
         self.content = self._recent = content
         self._value, self._mask = (int.from_bytes(part, 'little') for part in (content, mask))
-        self._known, self._known_mask = (np.frombuffer(part, np.uint8) for part in (content, mask))
+        self.mask = mask
 
     def matches(self, payload: bytes) -> bool:
         """Return whether a payload is little-endian CDR and contains these fields at `start`."""
@@ -63,15 +63,6 @@ class CdrPrefix:
         # The padding of a publisher seldom changes, so this avoids most masked comparisons.
         self._recent = found
         return True
-
-    def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return which of M payloads, the rows of an (M, size) array, contain these fields."""
-        if rows.shape[1] < self.end:
-            return np.zeros(len(rows), bool)
-        encapsulation = np.frombuffer(LITTLE_ENDIAN, np.uint8)
-        same = (rows[:, : len(LITTLE_ENDIAN)] == encapsulation).all(1)
-        same &= (rows[:, self.start : self.end] & self._known_mask == self._known).all(1)
-        return np.asarray(same)
 
 
 class CdrReader:

@@ -94,8 +94,11 @@ def test_padding_and_bytes_behind_the_message_do_not_matter() -> None:
     payload[2:4] = struct.pack('<H', 7)  # encapsulation options
     sample = cdr.unpack(bytes(payload) + b'junk')
     np.testing.assert_array_equal(sample.position, [1.0, 2.0])
-    rows = np.frombuffer(bytes(payload) * 3, np.uint8).reshape(3, -1)
-    np.testing.assert_array_equal(cdr.unpack_rows(rows)[2][:, 0], [[1.0, 2.0]] * 3)
+    other = cdr.pack(6, [3.0, 4.0]).ljust(len(payload) + 4, b'?')
+    decoder = JointStateDecoder()
+    _, values = decoder.decode(Payloads.of([bytes(payload) + b'junk', other]))
+    np.testing.assert_array_equal(values[:, 0], [[1.0, 2.0], [3.0, 4.0]])
+    assert decoder.singly == 1  # decoded together
 
 
 def test_joints_are_ordered_by_name() -> None:
