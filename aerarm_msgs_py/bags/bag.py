@@ -29,7 +29,6 @@ FILE = 'metadata.yaml'
 _LOADER = getattr(yaml, 'CBaseLoader', yaml.BaseLoader)
 _LARGEST = 2**20  # bytes; the metadata of a thousand topics has half of it
 _DEEPEST = 16  # levels; libyaml crashes at some ten thousand
-_LONGEST_FILE_NAME = 255  # bytes of a file name
 _MOST_DIGITS = 15  # of a number of messages
 _OPENING = (yaml.MappingStartEvent, yaml.SequenceStartEvent)
 _CLOSING = (yaml.MappingEndEvent, yaml.SequenceEndEvent)
@@ -41,15 +40,12 @@ class BagInformation:
 
     Attributes
     ----------
-    files
-        Names of the bag's files, without directories.
     compression_mode
         'message' if every message is compressed separately; the reader ignores other values.
     counts
         Number of messages of each topic; None if unknown.
     """
 
-    files: tuple[str, ...] = ()
     compression_mode: str = ''
     counts: Mapping[str, int] | None = None
 
@@ -95,19 +91,8 @@ def _check_depth(text: str) -> None:
 
 
 def _information(document: Any) -> BagInformation:
-    files = document.get('relative_file_paths') or []
-    if not isinstance(files, list) or not all(isinstance(name, str) for name in files):
-        raise TypeError('relative_file_paths')
-    names = [Path(name).name for name in files]
-    return BagInformation(
-        tuple(dict.fromkeys(name for name in names if _is_file_name(name))),
-        str(document.get('compression_mode', '')).lower(),
-        _counts(document),
-    )
-
-
-def _is_file_name(name: str) -> bool:
-    return name not in ('', '..') and '\0' not in name and len(name.encode()) <= _LONGEST_FILE_NAME
+    mode = document.get('compression_mode', '')
+    return BagInformation(str(mode).lower(), _counts(document))
 
 
 def _counts(document: Any) -> dict[str, int] | None:
@@ -349,7 +334,7 @@ class Bag:
         except ValueError as error:
             self._unused = f'the reader ignores {folder / FILE}: {error}'
             return BagInformation()
-        mine = folder == self.path or information.files == (self.path.name,)
+        mine = folder == self.path or _files_in(folder) == [self.path]
         return information if mine else BagInformation()
 
     def _find_paths(self) -> list[Path]:
@@ -360,28 +345,13 @@ class Bag:
                     f"{path} is the metadata file of a bag: pass the bag's directory {path.parent}"
                 )
             return [path]
-        present = _files_in(path)
-        listed = [path / name for name in self._information.files]
-        missing = [file.name for file in listed if not file.is_file()]
-        if not present and missing:
+        files = _files_in(path)
+        if not files:
             raise BagError(
-                f'the bag {path} lacks the files {", ".join(missing[:_MOST_NAMED])}, which {FILE} '
-                'lists: copy the whole directory again'
+                f'the directory {path} is not a bag (it contains no .mcap or .db3 file): check the '
+                'path, or copy the whole directory again'
             )
-        if not present:
-            raise BagError(
-                f'the directory {path} is not a bag (it contains neither a .mcap file nor a '
-                f'{FILE}): check the path'
-            )
-        if missing:
-            warnings.warn(
-                f'the bag {path} lacks {len(missing)} of the {len(listed)} files that {FILE} '
-                f'lists; the first missing file is {missing[0][:_LONGEST_NAME]}',
-                BagWarning,
-                stacklevel=3,
-            )
-        # A killed recorder may have started a file that its last metadata does not list.
-        return listed if set(listed) == set(present) else present
+        return files
 
 
 def _files_in(folder: Path) -> list[Path]:

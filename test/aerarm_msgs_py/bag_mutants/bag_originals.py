@@ -71,9 +71,9 @@ def originals(folder: Path, *names: str) -> list[OriginalBag]:
         'uncompressed': (lambda: _own('none', 200), True, True),
         'killed recorder': (lambda: _own('zstd', 200, finished=False), True, False),
         '1 MB': (lambda: _own('zstd', 2400), True, True),
-        'other writer': (lambda: _package(200), True, True),
-        'without checksums': (lambda: _package(200, enable_crcs=False), False, True),
-        'without chunks': (lambda: _package(200, use_chunking=False), False, True),
+        'other writer': (lambda: package_bag(200), True, True),
+        'without checksums': (lambda: package_bag(200, enable_crcs=False), False, True),
+        'without chunks': (lambda: package_bag(200, use_chunking=False), False, True),
         'SQLite': (lambda: _rosbags(folder / 'a', sqlite, CompressionMode.NONE), False, True),
         'SQLite, compressed messages': (
             lambda: _rosbags(folder / 'b', sqlite, by_message),
@@ -119,7 +119,7 @@ def _counting(write: Callable[[bytes], int]) -> Callable[[bytes], int]:
     return lambda data: write(bytes(data))
 
 
-def _package(count: int, **options: object) -> Files:
+def package_bag(count: int, **options: object) -> Files:
     """Return a file of the mcap package's writer, without metadata.yaml."""
     stream = io.BytesIO()
     writer = PackageWriter(
