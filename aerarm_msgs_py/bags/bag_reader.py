@@ -104,13 +104,10 @@ class JointStateBuilder:
         self._stride, self._seen = stride, 0
         self._decoder = JointStateDecoder()
         self._budget = budget
-        self._count = 0
+        self._count = 0  # kept messages
         # Per block: stamp and receipt time [ns], sequence numbers; then position, velocity, effort.
         self._integers: list[list[NDArray[np.int64]]] = [[], [], []]
         self._fields: list[list[NDArray[np.float64]]] = [[], [], []]
-
-    def __len__(self) -> int:
-        return self._count
 
     @property
     def irregular(self) -> int:

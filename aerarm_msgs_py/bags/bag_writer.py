@@ -16,7 +16,7 @@ from typing import Self
 import yaml
 
 from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
-from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS, McapWriter, message_definition
+from aerarm_msgs_py.bags.mcap_writer import McapWriter, message_definition
 from aerarm_msgs_py.storage.read_limits import BagError
 
 _VERSION = 9  # the version that ROS 2 Jazzy writes
@@ -129,16 +129,12 @@ class BagWriter:
     Raises
     ------
     BagError
-        If the directory exists or cannot be created, or the compression is unknown.
+        If the directory exists or cannot be created.
     """
 
     def __init__(
         self, directory: Path | str, topics: Sequence[RecordedTopic], compression: str = 'zstd'
     ) -> None:
-        if compression not in COMPRESSIONS:
-            raise BagError(
-                f'unknown compression {compression!r}: choose one of {", ".join(COMPRESSIONS)}'
-            )
         self.directory = Path(directory)
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
         try:

@@ -189,10 +189,6 @@ class Rig:
             stop([self._controller])
         self._controller = self._node(self.hosts.drone, name, realtime_priority=45)
 
-    def start_on_ground(self, name: str, **parameters: object) -> None:
-        """Start an executable on the ground."""
-        self._node(self.hosts.ground, name, **parameters)
-
     def restart_drone_link(self, **link: object) -> None:
         """Restart ground_link on the drone with other parameters."""
         stop([self._drone_link])
