@@ -106,6 +106,8 @@ class JointStateLayout:
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Return which of M payloads, the rows of an (M, size) array, have this layout."""
+        if rows.shape[1] < self.size:
+            return np.zeros(len(rows), bool)
         return np.asarray((rows[:, : self.size] & self._mask == self._content).all(1))
 
     def read_rows(self, rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -327,7 +329,10 @@ class JointStateDecoder:
             self.singly += 1
             prefix = CdrPrefix(_PREFIX_OFFSET, frame_id, names)
             self._layouts[key] = JointStateLayout(prefix, len(names), key[2])
-        return self._layouts.get(key)
+        layout = self._layouts.get(key)
+        # A text that is damaged, or does not end with a zero, differs from its decoded form.
+        row = np.frombuffer(payload, np.uint8)[None]
+        return layout if layout is not None and layout.matching_rows(row)[0] else None
 
     def _check_names(self, names: list[str]) -> None:
         if len(names) > _MOST_JOINTS:

@@ -161,3 +161,12 @@ def test_big_endian_messages() -> None:
     stamp_ns, values = JointStateDecoder().decode(Payloads.of([b'\0\0\0\0' + body] * 2))
     assert stamp_ns.tolist() == [3_000_000_004] * 2
     np.testing.assert_array_equal(values, [[[1.5], [2.5], [np.nan]]] * 2)
+
+
+def test_names_that_are_no_proper_texts_are_decoded_one_by_one() -> None:
+    payload = JointStateCdr(['ab']).pack(5, [1.0])
+    for damaged in (payload.replace(b'ab\0', b'abc'), payload.replace(b'ab\0', b'\xffb\0')):
+        decoder = JointStateDecoder()
+        stamp_ns, values = decoder.decode(Payloads.of([damaged, payload, damaged]))
+        assert stamp_ns.tolist() == [5] * 3
+        assert np.nansum(values, axis=2)[:, 0].tolist() == [1.0] * 3
