@@ -33,14 +33,6 @@ class _ByteArray(ctypes.Structure):
     ]
 
 
-_RCLPY = version('rclpy')
-if not _RCLPY.startswith('7.1.'):
-    raise ImportError(
-        f'rclpy {_RCLPY} is installed, but this module uses C structs of rclpy 7.1: source the '
-        'setup.bash of ROS 2 Jazzy'
-    )
-
-
 class _MessageInfo(ctypes.Structure):
     """C struct `rmw_message_info_t` of ROS 2 Jazzy."""
 
@@ -62,9 +54,19 @@ class IdentifiedTake:
     The message info of rclpy lacks the publisher, so this class calls the C library rcl. Each
     publisher numbers its own messages; without the publisher, lost messages cannot be counted
     exactly. The structs are those of ROS 2 Jazzy.
+
+    Raises
+    ------
+    ValueError
+        If rclpy belongs to another version of ROS: wrong structs would corrupt memory.
     """
 
     def __init__(self) -> None:
+        if not (installed := version('rclpy')).startswith('7.1.'):
+            raise ValueError(
+                f'rclpy {installed} is installed, but rclpy 7.1 is necessary: source the '
+                'setup.bash of ROS 2 Jazzy'
+            )
         # rclpy has already loaded the library; the calls are short and keep the GIL.
         self._take = ctypes.PyDLL('librcl.so').rcl_take_serialized_message
         arrays = ctypes.PyDLL('librcutils.so')

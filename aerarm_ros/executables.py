@@ -5,14 +5,19 @@ a traceback in this time too, so this module imports only fast modules. Without 
 `python -m aerarm_ros.executables NAME` runs a command.
 """
 
+from __future__ import annotations
+
 import atexit
 import importlib
 import os
 import re
 import signal
 import sys
+from abc import ABCMeta
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
 
@@ -48,12 +53,10 @@ _OFFLINE = {
 }
 _HELP = ('-h', '--help')
 _COMPLETING = '_ARGCOMPLETE'  # environment variable that a shell sets to request completions
-# Most nodes import these libraries, which takes most of the start-up time. --help does not need
-# them.
-_HEAVY = ('mujoco', 'pinocchio')
 # Names of modules of ROS 2. Commands that only read files run without these modules.
 _ROS = re.compile(r'rclpy|rpyutils|ament_|ros|rcl_|[a-z]+_(msgs|srvs|interfaces)$')
-
+# Other libraries that take long to import, or that only some installations have.
+_HEAVY = ('clarabel', 'coal', 'hppfcl', 'mujoco', 'msgspec', 'pinocchio', 'scipy', 'viser')
 
 _NODES = Path(__file__).parent / 'nodes'
 
@@ -84,7 +87,7 @@ def _run(name: str) -> int:
     try:
         die_with_launch()
         if _COMPLETING in os.environ or any(argument in _HELP for argument in sys.argv[1:]):
-            sys.modules.update((name, _Unloaded(name)) for name in _HEAVY)
+            sys.meta_path.insert(0, _StandIns())
         status = run(name)
     except KeyboardInterrupt:
         # A stop signal arrived before the node had installed its handlers.
@@ -147,15 +150,37 @@ def _do(name: str) -> int:
     return status
 
 
-class _Unloaded(ModuleType):
-    """Placeholder that imports its module when an attribute is first used."""
+class _StandIn(ABCMeta):
+    """Class of the stand-ins for classes, functions and constants of a library."""
 
-    def __getattr__(self, attribute: str) -> object:
-        if attribute.startswith('__'):
-            raise AttributeError(attribute)
-        if sys.modules.get(self.__name__) is self:
-            del sys.modules[self.__name__]
-        return getattr(importlib.import_module(self.__name__), attribute)
+    def __getattr__(cls, name: str) -> _StandIn:
+        if name.startswith('__'):
+            raise AttributeError(name)
+        return _stand_in(name)
+
+
+def _stand_in(name: str) -> _StandIn:
+    ignore = lambda *_, **__: None  # noqa: E731
+    names = ('__init__', '__init_subclass__', '__getattr__')
+    return _StandIn(name, (), dict.fromkeys(names, ignore))
+
+
+class _StandIns(MetaPathFinder, Loader):
+    """Importer of empty modules, whose attributes are stand-ins, in place of slow libraries.
+
+    Help and completions only need the tables of parameters and options. Importing ROS and the
+    libraries for physics and algebra takes most of the start-up time.
+    """
+
+    def find_spec(self, name: str, *_: object) -> ModuleSpec | None:
+        """Return a specification of an empty package, if a module belongs to a slow library."""
+        library = name.split('.')[0]
+        is_slow = library in _HEAVY or _ROS.match(library)
+        return ModuleSpec(name, self, is_package=True) if is_slow else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Give a module the function that creates its attributes."""
+        module.__dict__['__getattr__'] = partial(getattr, _stand_in(module.__name__))
 
 
 class _Early:

@@ -27,7 +27,7 @@ ENVIRONMENT = {
 HELPS = """
 import sys
 from aerarm_ros import executables
-for name in ('arm', 'calibrator', 'excitation_designer'):
+for name in executables.command_modules():
     sys.argv = [name, '--help']
     try:
         getattr(executables, name)()
