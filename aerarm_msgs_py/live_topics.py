@@ -9,6 +9,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerGuardCondition
 
+from aerarm_msgs_py.sequence_gaps import PublisherGaps
 from aerarm_msgs_py.topics import Topic
 
 RawMessage = tuple[bytes, dict[str, Any]]
@@ -106,34 +107,6 @@ class IdentifiedTake:
     def destroy(self) -> None:
         """Free the memory of the message buffer."""
         self._finish(ctypes.byref(self._array))
-
-
-UNNUMBERED = frozenset({0, 2**64 - 1})
-"""Values of the sequence number that mean "no number"."""
-
-
-class PublisherGaps:
-    """Counter of the lost messages of several publishers.
-
-    Every number that is missing between two received messages of a publisher is a lost message.
-    """
-
-    def __init__(self) -> None:
-        self._newest: dict[bytes, int] = {}
-        self._lost = 0
-
-    @property
-    def lost(self) -> int | None:
-        """Number of missing messages so far; None if no message had a sequence number."""
-        return self._lost if self._newest else None
-
-    def add(self, number: int, publisher: bytes) -> None:
-        """Process the sequence number of the next message of a publisher."""
-        if number not in UNNUMBERED:
-            newest = self._newest.get(publisher, number - 1)
-            if number > newest:  # otherwise a repeated message
-                self._lost += number - newest - 1
-                self._newest[publisher] = number
 
 
 class HiddenFromExecutors(CallbackGroup):

@@ -22,7 +22,8 @@ from radio.rig import DOMAIN, HERE, PATIENCE, Loop, Rig, is_fault, run, wait_for
 from radio.two_hosts import TwoHosts, missing_rights
 from run import machine
 
-from aerarm_msgs_py.bags.bag_reader import lost_messages, read_joint_states
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
+from aerarm_msgs_py.sequence_gaps import lost_messages
 from aerarm_ros.description.arm_config import load_arm_config
 
 
@@ -243,8 +244,9 @@ def measure_recording(rig: Rig, options: argparse.Namespace) -> None:
             for path in bag.iterdir()
         )
         states = read_joint_states(bag)
+        lost = lost_messages(states.sequence.tolist())
         row(name, loss, f'{len(states)} joint_states', f'{1e-6 * size:.2f} MB',
-            lost_messages(states.sequence), f'{took:.1f} s', f'{8e-6 * size / took:.2f} Mbit/s',
+            lost, f'{took:.1f} s', f'{8e-6 * size / took:.2f} Mbit/s',
             'resumed, same bytes' if same and not status else f'FAILED, {status}',
             f'{stopped:.3f} s')  # fmt: skip
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from aerarm_msgs_py.bags.bag import Bag
 from aerarm_msgs_py.codecs.cdr import CdrReader, diagnostic_values
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder
+from aerarm_msgs_py.sequence_gaps import lost_messages
 from aerarm_msgs_py.storage.read_limits import (
     BagError,
     BagWarning,
@@ -178,7 +179,6 @@ _MISSED = 'missed cycles'
 _LONGEST = 2**16  # bytes of diagnostics that are read
 _TEXT_BYTES = 500  # memory and time of a text without its characters, in bytes
 _ENOUGH = 50_000  # messages of an optional topic
-_UNNUMBERED = (0, 2**32 - 1)  # in bags of rosbag2, and of a middleware without numbers
 
 
 @dataclass
@@ -280,22 +280,9 @@ def read_contents(
     return contents
 
 
-def lost_messages(sequence: NDArray[np.int64]) -> int | None:
-    """Return the number of messages that are missing in M publication sequence numbers.
-
-    A lower number than before means that the publisher was restarted. The result is None if the
-    recorder stored no sequence numbers.
-    """
-    known = sequence[~np.isin(sequence, _UNNUMBERED)]
-    if not len(known):
-        return None
-    steps = np.diff(known)
-    return int(np.sum(steps[steps > 1] - 1))
-
-
 def _warn_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
     """Warn if sequence numbers are missing between the first and the last message."""
-    if lost := lost_messages(states.sequence):
+    if lost := lost_messages(states.sequence.tolist()):
         warnings.warn(
             f'bag {path}: the sequence numbers show that {lost} messages of topic {topic} are '
             'missing; the recorder lost these messages, or the bag is damaged',

@@ -1,6 +1,7 @@
 """Writer of a rosbag2 directory; the bag stays readable if the recorder is killed."""
 
 import fcntl
+import io
 import os
 import threading
 import time
@@ -11,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import yaml
 
@@ -101,6 +102,18 @@ def _topic_metadata(topic: RecordedTopic) -> dict[str, object]:
     }
 
 
+class _TimedFile(io.FileIO):
+    """File that measures the total time of its writes."""
+
+    seconds = 0.0
+
+    def write(self, content: Any, /) -> int:
+        begin = time.monotonic()
+        written = super().write(content)
+        self.seconds += time.monotonic() - begin
+        return written
+
+
 _CHUNK_PERIOD = 0.2  # [s]
 _CHUNK_SIZE = 2**20  # [bytes]
 _METADATA_PERIOD = 1.0  # [s]
@@ -139,7 +152,8 @@ class BagWriter:
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
         try:
             self.directory.mkdir(parents=True)
-            self._stream = (self.directory / self._metadata.file).open('xb')
+            self._file = _TimedFile(self.directory / self._metadata.file, 'xb')
+            self._stream: io.BufferedWriter = io.BufferedWriter(self._file)
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(self._stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._writer = McapWriter(self._stream, topics, compression)
@@ -166,6 +180,11 @@ class BagWriter:
     def waiting(self) -> int:
         """Number of messages that are queued but not stored yet."""
         return len(self._queue)
+
+    @property
+    def disk_time(self) -> float:
+        """Total time [s] of all writes to the disk so far."""
+        return self._file.seconds
 
     def fileno(self) -> int:
         """Return the file descriptor of the MCAP file."""

@@ -15,15 +15,16 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS
 from aerarm_msgs_py.storage.read_limits import BagError
-from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDED_UNTIL, RECORDER_STATUS
+from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, NEWEST, RECORDED_UNTIL, RECORDER_STATUS
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.graph import DuplicatePublisherCheck, PublisherCheck
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.node_process import is_on_this_host
 from aerarm_ros.ros.process.process_end import StopSignals
-from aerarm_ros.ros.recording import SUITE_TOPICS, BagFeed, find_topics
+from aerarm_ros.ros.recording import SUITE_TOPICS, BagFeed, find_topics, receive_buffer_problem
 
 NAME = 'recorder'
 PARAMETERS = ParameterTable(
@@ -70,6 +71,7 @@ class Recorder:
         self._depth = values.depth
         self._directory = values.bag or f'recording_{datetime.now():%Y%m%d_%H%M%S}'
         self._feed = BagFeed(self._node, topics, values.depth, self._directory, values.compression)
+        self._streams = sum(topic.qos == NEWEST for topic in topics)
         self._until = RECORDED_UNTIL.publisher(self._node)
         self._check = PublisherCheck(self._node, topics)
         self._sources = DuplicatePublisherCheck(self._node, JOINT_STATES)
@@ -86,6 +88,10 @@ class Recorder:
             f'recording {len(self._feed.names)} topics into {self._directory}'
         )
         self._publish_status('recording')
+        # Messages from this host use shared memory instead of the receive buffer.
+        problem = '' if is_on_this_host() else receive_buffer_problem(self._streams)
+        if problem:
+            self._node.get_logger().warning(problem)
         with StopSignals(self._on_stop), BackgroundExecutor(self._node):
             try:
                 self._record()
@@ -155,6 +161,8 @@ class Recorder:
         losing = {name: lost for name, (_, lost) in counts.items() if lost}
         names = ', '.join(losing)
         problem = f'{sum(losing.values())} messages of {names} were lost'
+        if self._feed.losses.cause:
+            problem += f' (cause of the last loss: {self._feed.losses.cause})'
         messages, size = self._feed.written()
         values = {
             'bag': self._directory,
@@ -167,14 +175,8 @@ class Recorder:
         self._diagnostics.report(problem if losing else '', values)
 
     def _warn_of_losses(self) -> None:
-        losses = [f'{count} of {name}' for name, count in self._feed.losses().items()]
-        if losses:
-            self._node.get_logger().warning(
-                f'losing messages: {", ".join(losses)}: end other programs, record fewer topics '
-                '(parameter topics) or to a faster disk, or increase the queue length (parameter '
-                f'depth, {self._depth} now). Record topics of another host there, for example with '
-                'arm record through ground_link'
-            )
+        for text in self._feed.losses.news():
+            self._node.get_logger().warning(text)
 
     def _log_counts(self) -> None:
         self._warn_of_losses()

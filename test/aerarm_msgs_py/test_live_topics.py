@@ -12,7 +12,8 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from aerarm_msgs_py.live_topics import UNNUMBERED, PublisherGaps, RawReader
+from aerarm_msgs_py.live_topics import RawReader
+from aerarm_msgs_py.sequence_gaps import UNNUMBERED, PublisherGaps
 from aerarm_msgs_py.topics import Topic
 
 DEEP = Topic('words', String, QoSProfile(depth=100))

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from bad_link import same
 
-from aerarm_msgs_py.bags.bag_reader import lost_messages, read_joint_states
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
+from aerarm_msgs_py.sequence_gaps import lost_messages
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / 'benchmarks'))
@@ -115,7 +116,7 @@ def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig, flig
     assert same(rig.folder / 'bags' / 'flight', flight)
     series = read_joint_states(flight)
     assert len(series) > 500  # at its full rate
-    assert lost_messages(series.sequence) == 0
+    assert lost_messages(series.sequence.tolist()) == 0
 
 
 def no_loss(free: Loop, limited: Loop) -> bool:

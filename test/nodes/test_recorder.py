@@ -19,9 +19,10 @@ from std_msgs.msg import Float64MultiArray, String
 
 from aerarm_msgs_py import topics as names
 from aerarm_msgs_py.bags.bag import Bag
-from aerarm_msgs_py.bags.bag_reader import lost_messages, read_joint_states
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.sequence_gaps import lost_messages
 from aerarm_msgs_py.storage.read_limits import BagWarning
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
@@ -113,7 +114,7 @@ def counts(bag: Path) -> dict[str, tuple[int, int | None]]:
     numbers: dict[str, list[int]] = {}
     for block in Bag(bag).blocks():
         numbers.setdefault(block.topic, []).extend(block.sequence.tolist())
-    return {topic: (len(x), lost_messages(np.array(x))) for topic, x in numbers.items()}
+    return {topic: (len(x), lost_messages(x)) for topic, x in numbers.items()}
 
 
 def test_records_four_topics_at_1_khz_without_a_loss_and_publishes_its_status(
@@ -252,8 +253,10 @@ def test_lost_messages_silent_streams_and_unrecordable_publishers_are_reported(
     assert found[-1].level == DiagnosticStatus.WARN
     assert int(reported('messages lost').removeprefix('at least ')) > 0
     # The console says so while it happens, and what to do.
-    wait(lambda: ' of /joint_states: end other programs' in recorder.tail(50))
+    wait(lambda: ' of /joint_states, from ' in recorder.tail(50))
+    assert 'cause: processor: this computer was too busy' in recorder.tail(100)
     assert 'parameter depth, 10 now' in recorder.tail(100)
+    wait(lambda: '(cause of the last loss: processor)' in found[-1].message)
     assert recorder.stop() == 0
     log = recorder.tail(100)
     (line,) = [x for x in log.splitlines() if ' messages, ' in x and '/joint_states: ' in x]

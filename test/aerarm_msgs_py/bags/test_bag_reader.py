@@ -13,13 +13,13 @@ from aerarm_msgs_py.bags.bag_reader import (
     BagError,
     BagWarning,
     JointStateBuilder,
-    lost_messages,
     read_contents,
     read_joint_states,
 )
 from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.codecs.cdr import Payloads
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.sequence_gaps import lost_messages
 from aerarm_msgs_py.storage.read_limits import MessageBlock
 
 NAN = np.nan
@@ -91,11 +91,24 @@ def test_missing_numbers_are_lost_messages() -> None:
         ([4, 5, 6], 0),
         ([4, 5, 9, 10, 14], 6),
         ([4, 6, 1, 2], 1),  # a restarted publisher
+        ([4, 5, 1, 6, 2, 7, 9], 1),
         ([0, 0, 0], None),
         ([2**32 - 1] * 3, None),
         ([], None),
     ):
-        assert lost_messages(np.array(numbers, np.int64)) == lost
+        assert lost_messages(numbers) == lost
+
+
+@pytest.mark.parametrize('first', [1, 4000, 900_000])
+def test_losses_are_counted_if_several_publishers_share_a_topic(first: int) -> None:
+    rng = np.random.default_rng(1)
+    streams = [list(range(20_000, 22_000)), list(range(first, first + 2000))]
+    mixed = []
+    while streams := [stream for stream in streams if stream]:
+        mixed.append(streams[rng.integers(len(streams))].pop(0))
+    assert lost_messages(mixed) == 0
+    del mixed[1000:1010]
+    assert lost_messages(mixed) == 10
 
 
 def test_every_nth_message_of_any_block_is_kept_with_the_joints_of_later_blocks() -> None:

@@ -10,9 +10,12 @@ import lz4.frame
 import numpy as np
 import pytest
 import zstandard
-from bag_originals import originals, package_bag
+from bag_originals import Files, originals, package_bag, ros1_bag, rosbags_bag
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from aerarm_msgs_py.bags.bag_reader import lost_messages, read_contents, read_joint_states
+from aerarm_msgs_py.bags.bag_reader import read_contents, read_joint_states
+from aerarm_msgs_py.sequence_gaps import lost_messages
 from aerarm_msgs_py.storage.compressed_file import decompress
 from aerarm_msgs_py.storage.mcap_file import McapFile
 from aerarm_msgs_py.storage.read_limits import BagError, BagWarning, ReadBudget, ReadLimits
@@ -27,6 +30,12 @@ COMPRESS = {
 FOREIGN = ('SQLite', 'SQLite, compressed messages', 'compressed file', 'ROS 1')
 NAMES = ('zstd', 'lz4', 'uncompressed', 'killed recorder', '1 MB', 'other writer',
          'without checksums', 'without chunks', *FOREIGN)  # fmt: skip
+ROS1 = {'ROS 1, plain': None, 'ROS 1, lz4': Ros1Writer.CompressionFormat.LZ4}
+ROSBAGS = {
+    'MCAP of rosbags': CompressionMode.NONE,
+    'MCAP of rosbags, compressed messages': CompressionMode.MESSAGE,
+    'MCAP of rosbags, compressed chunks': CompressionMode.STORAGE,
+}
 
 
 def test_the_memory_of_a_bag_is_limited_to_a_multiple_of_its_size() -> None:
@@ -64,25 +73,33 @@ def test_an_unknown_compression_is_named() -> None:
         decompress(b'', 'brotli', 0)
 
 
+def files(folder: Path, name: str) -> Files:
+    if name in ROS1:
+        return ros1_bag(folder / 'a.bag', ROS1[name])
+    if name in ROSBAGS:
+        return rosbags_bag(folder / 'bag', StoragePlugin.MCAP, ROSBAGS[name])
+    (bag,) = originals(folder, name)
+    return bag.files
+
+
 @pytest.fixture
 def write(tmp_path: Path) -> Callable[..., Path]:
     """Return a function that writes a bag of bag_originals.py, and returns one of its files."""
 
     def write(name: str, file: str = '') -> Path:
         (tmp_path / 'made').mkdir()
-        (bag,) = originals(tmp_path / 'made', name)
         folder = tmp_path / 'bag'
         folder.mkdir()
-        for path, content in bag.files.items():
+        for path, content in files(tmp_path / 'made', name).items():
             (folder / path).write_bytes(content)
         return next(folder.glob(file)) if file else folder
 
     return write
 
 
-@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('name', [*NAMES, *ROS1, *ROSBAGS])
 def test_bags_of_every_format_are_read(write, name: str) -> None:
-    bag = write(name, '*.bag' if name == 'ROS 1' else '')
+    bag = write(name, '*.bag' if name.startswith('ROS 1') else '')
     contents = read_contents(bag, '/joint_states', ['/motor_states'])
     series, motors = (contents.joint_states[f'/{kind}_states'] for kind in ('joint', 'motor'))
     numbers = np.random.default_rng(1).normal(size=(len(series), 3, 4))  # of bag_originals.py
@@ -91,8 +108,8 @@ def test_bags_of_every_format_are_read(write, name: str) -> None:
     np.testing.assert_array_equal(values, numbers)
     np.testing.assert_array_equal(motors.effort, 10.0 * series.effort)
     assert not contents.damaged
-    is_numbered = name not in FOREIGN
-    assert lost_messages(series.sequence) == (0 if is_numbered else None)
+    is_numbered = name not in (*FOREIGN, *ROS1, *ROSBAGS)
+    assert lost_messages(series.sequence.tolist()) == (0 if is_numbered else None)
 
 
 def test_a_large_file_without_chunks_is_read_in_bounded_blocks(tmp_path: Path) -> None:

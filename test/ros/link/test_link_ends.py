@@ -24,10 +24,11 @@ from std_srvs.srv import Trigger
 from aerarm_msgs_py import topics
 from aerarm_ros.link.connection import PROMPT, URGENT, Connection, Received
 from aerarm_ros.link.sealed import make_key
-from aerarm_ros.nodes.ground_link import PARAMETERS, GroundLink
+from aerarm_ros.nodes.ground_link import PARAMETERS
 from aerarm_ros.ros.link.link_ends import DroneEnd, GroundEnd
 from aerarm_ros.ros.link.relayed_topics import STOPS, UP_CHANNEL
-from aerarm_ros.ros.process.shared_ports import PortWatch
+from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.process.shared_ports import WAIT_MS
 
 KEY, OTHER_KEY = bytes(range(32)), bytes(32)
 
@@ -269,17 +270,39 @@ def test_random_messages_of_an_authentic_end_do_not_end_the_node(ros_node, value
     other.destroy_node()
 
 
+def own_ports() -> set[Path]:
+    """Return the shared-memory ports that this process uses."""
+    lines = Path('/proc/self/maps').read_text().splitlines()
+    return {
+        Path(line.split()[-1])
+        for line in lines
+        if '/fastrtps_port' in line and not line.endswith(('_el', '_sl'))
+    }
+
+
 @pytest.mark.skipif(not Path('/dev/shm').is_dir(), reason='no shared memory folder: Linux only')
-def test_no_publisher_waits_for_a_new_subscriber(ros_node, values, tmp_path, monkeypatch) -> None:
+def test_no_publisher_waits_for_a_new_subscriber(ros_node: Node, tmp_path: Path) -> None:
     """The ground has no bridge, whose watch shortens the wait of ports on the drone."""
-    entered: list[bool] = []
-    monkeypatch.setattr(PortWatch, '__enter__', lambda watch: entered.append(True) or watch)
-    monkeypatch.setattr(PortWatch, '__exit__', lambda *_: None)
     make_key(tmp_path / 'key')
     given = {'role': 'ground', 'drone': '127.0.0.1', 'key_file': str(tmp_path / 'key')}
-    monkeypatch.setattr(PARAMETERS, 'declare', lambda _: SimpleNamespace(**vars(values) | given))
-    link = GroundLink()
-    link._stop()
-    link.run()
-    link.close()
-    assert entered == [True]
+    ports = own_ports()
+    assert ports, 'this node uses no shared memory'
+    with NodeProcess('ground_link', (), given, None, tmp_path / 'ground_link.log') as process:
+        deadline = time.monotonic() + 30.0
+        while not all(has_short_wait(path) for path in ports if path.exists()):
+            assert time.monotonic() < deadline
+            assert process.returncode is None, process.tail()
+            time.sleep(0.05)
+
+
+def has_short_wait(path: Path) -> bool:
+    """Return whether `shorten_wait` would not change the port."""
+    before = path.read_bytes()
+    number = struct.pack('<I', int(path.name.removeprefix('fastrtps_port')))
+    place = before.find(number)
+    while place >= 0:
+        check, wait = struct.unpack_from('<II', before, place + 8)
+        if 30 <= check <= 600_000 and wait in (check // 3, WAIT_MS):
+            return wait == WAIT_MS
+        place = before.find(number, place + 1)
+    raise AssertionError(f'{path} has another layout')
