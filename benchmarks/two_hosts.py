@@ -22,7 +22,8 @@ from radio.rig import DOMAIN, HERE, PATIENCE, Loop, Rig, is_fault, run, wait_for
 from radio.two_hosts import TwoHosts, missing_rights
 from run import machine
 
-from aerarm_msgs_py.bags.bag_reader import topics
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
+from aerarm_msgs_py.sequence_gaps import lost_messages
 from aerarm_ros.description.arm_config import load_arm_config
 
 
@@ -45,64 +46,80 @@ def losses(rig: Rig) -> Iterator[float]:
     rig.relay.send_line('loss 0')
 
 
-def measure_radios(rig: Rig, seconds: float) -> None:
+def radios(rig: Rig, *radios: tuple[str, float]) -> Iterator[tuple[str, str]]:
+    """Set rate and packet loss of one radio after the other, and no limits at the end.
+
+    Yield the text of the rate and of the loss.
+    """
+    for rate, loss in radios:
+        rig.hosts.set_rate(rate)
+        rig.relay.send_line(f'loss {loss}')
+        name = rate.replace('mbit', ' Mbit/s').replace('kbit', ' kbit/s')
+        yield name or 'no limit', f'{loss:.0%}'
+    rig.hosts.set_rate('')
+    rig.relay.send_line('loss 0')
+
+
+def press(rig: Rig, presses: int) -> list[float]:
+    """Return the times [s] from e-stops on the ground until the arm is damped."""
+    times = []
+    for _ in range(presses):
+        times.append(rig.press())
+        rig.clear()
+    return times
+
+
+def move(rig: Rig) -> None:
+    """Move the arm to a posture from which it can sweep."""
+    run(rig, 'go', '0.5', '1.2', '0.3', '0.3', '--tolerance', '0.05')
+    rig.ground.send_line('sweep')
+
+
+def measure_radios(rig: Rig, options: argparse.Namespace) -> None:
     """Print missed cycles of the 1 kHz loop with radios of several rates and without limit."""
     rig.listen_on_ground()
     table('rate of the radio', 'missed cycles of the bridge', 'longest period of the bridge',
           'periods above 20 ms', 'traffic', 'packets')  # fmt: skip
-    for rate, name in (
-        ('', 'no limit'),
-        ('6mbit', '6 Mbit/s'),
-        ('', 'no limit'),
-        ('2mbit', '2 Mbit/s'),
-        ('', 'no limit'),
-        ('1mbit', '1 Mbit/s'),
-        ('', 'no limit'),
-        ('8kbit', '8 kbit/s'),
-    ):
-        rig.hosts.set_rate(rate)
+    rates = [rate for limit in ('6mbit', '2mbit', '1mbit', '8kbit') for rate in ('', limit)]
+    for name, _ in radios(rig, *((rate, 0.0) for rate in rates)):
         result: list[Loop] = []
-        kbits, packets = rig.traffic(lambda result=result: result.append(rig.loop(seconds)))
+        kbits, packets = rig.traffic(lambda result=result: result.append(rig.loop(options.seconds)))
         (loop,) = result
         row(name, f'{loop.lost:.2%}', f'{1e3 * loop.longest:.1f} ms', loop.gaps,
             f'{kbits:.0f} kbit/s', f'{packets:.0f}/s')  # fmt: skip
-    rig.hosts.set_rate('')
 
 
-def measure_stops(rig: Rig, presses: int) -> None:
+def measure_stops(rig: Rig, options: argparse.Namespace) -> None:
     """Print the time from an e-stop on the ground until the arm is damped."""
     table('packet loss per direction', 'e-stops', 'time until damped, median', 'p99', 'longest')
     rig.relay.send_line('delay 0.005')
     for loss in losses(rig):
-        times = []
-        for _ in range(presses):
-            times.append(rig.press())
-            rig.clear()
+        times = press(rig, options.presses)
         q50, q99 = np.quantile(times, [0.5, 0.99])
-        row(f'{loss:.0%}', presses, f'{q50:.3f} s', f'{q99:.3f} s', f'{max(times):.3f} s')
+        row(f'{loss:.0%}', len(times), f'{q50:.3f} s', f'{q99:.3f} s', f'{max(times):.3f} s')
 
 
-def measure_fresh_stops(rig: Rig, presses: int) -> None:
+def measure_fresh_stops(rig: Rig, options: argparse.Namespace) -> None:
     """Print the time from the start of `arm e_stop` on the ground until the arm is damped."""
     table('packet loss per direction', '`arm e_stop` started', 'time until damped, median',
           'longest')  # fmt: skip
     for loss in losses(rig):
         times = []
-        for _ in range(presses):
+        for _ in range(options.starts):
             begin = time.monotonic()
             process = rig.arm('e_stop')
             times.append(rig.drone.wait(is_fault, begin) - begin)
             process.wait()
             rig.clear()
-        row(f'{loss:.0%}', presses, f'{np.median(times):.2f} s', f'{max(times):.2f} s')
+        row(f'{loss:.0%}', len(times), f'{np.median(times):.2f} s', f'{max(times):.2f} s')
 
 
-def measure_cuts(rig: Rig, cuts: Sequence[float]) -> None:
+def measure_cuts(rig: Rig, options: argparse.Namespace) -> None:
     """Print when an e-stop during a cut takes effect after the connection is back."""
     table('cut of the connection', 'e-stop sent by', 'arm damped after the cut by',
           'shown as not delivered', 'arm damped during the cut',
           'joint states return after the cut by')  # fmt: skip
-    for cut in cuts:
+    for cut in options.cuts:
         for is_fresh in (False, True) if cut > 3.0 else (False,):
             rig.relay.send_line('cut 1')
             time.sleep(0.2)
@@ -129,14 +146,16 @@ def measure_cuts(rig: Rig, cuts: Sequence[float]) -> None:
             rig.clear()
 
 
-def measure_watchdog(rig: Rig, cuts: Sequence[tuple[str, str, float]]) -> None:
+def measure_watchdog(rig: Rig, options: argparse.Namespace) -> None:
     """Print how a moving arm reacts to a cut of the connection."""
     table('controller', 'ground_lost', 'cut of the connection', 'joint speed at its start',
           'joint speed at its end', 'motion of joint 1 during the cut',
           'distance to the home configuration', 'modes of the arm',
           'joint states return after the cut by', 'log')  # fmt: skip
+    actions = [('continue', 5.0), *(('stop', cut) for cut in options.cuts), ('home', 5.0)]
+    cuts = [('computed_torque', *action) for action in actions]
     before = controlled_by = ''
-    for controller, action, cut in cuts:
+    for controller, action, cut in [*cuts, ('gravity_compensation', 'home', 5.0)]:
         if controller != controlled_by:
             controlled_by = controller
             rig.start_controller(controller)
@@ -144,8 +163,7 @@ def measure_watchdog(rig: Rig, cuts: Sequence[tuple[str, str, float]]) -> None:
         if action != before:
             before = action
             rig.restart_drone_link(ground_lost=action, ground_timeout=1.0)
-        run(rig, 'go', '0.5', '1.2', '0.3', '0.3', '--tolerance', '0.05')
-        rig.ground.send_line('sweep')
+        move(rig)
         deadline = time.monotonic() + PATIENCE
         while abs(rig.state()[1][0]) < 0.2:
             if time.monotonic() > deadline:
@@ -170,46 +188,42 @@ def measure_watchdog(rig: Rig, cuts: Sequence[tuple[str, str, float]]) -> None:
             said[-1].split(': ')[-1] if said else 'none')  # fmt: skip
 
 
-def measure_discovery(rig: Rig, starts: int) -> None:
+def measure_discovery(rig: Rig, options: argparse.Namespace) -> None:
     """Print how long a restarted ground computer needs to find its drone."""
     table('packet loss per direction', 'starts', 'drone found after, median', 'longest',
           'longest, including the start of the process')  # fmt: skip
     for loss in losses(rig):
-        times = np.array([rig.restart_ground_link() for _ in range(starts)])
-        row(f'{loss:.0%}', starts, f'{np.median(times[:, 1]):.3f} s', f'{times[:, 1].max():.3f} s',
-            f'{times[:, 0].max():.2f} s')  # fmt: skip
+        times = np.array([rig.restart_ground_link() for _ in range(options.starts)])
+        row(f'{loss:.0%}', len(times), f'{np.median(times[:, 1]):.3f} s',
+            f'{times[:, 1].max():.3f} s', f'{times[:, 0].max():.2f} s')  # fmt: skip
 
 
-def measure_listeners(rig: Rig, starts: int) -> None:
+def measure_listeners(rig: Rig, options: argparse.Namespace) -> None:
     """Print missed cycles while local subscribers start, with a radio nearly out of range."""
     rig.hosts.set_rate('8kbit')
     table('new local subscribers', 'missed cycles of the bridge', 'longest period of the bridge',
           'periods above 20 ms', 'first joint states after, median', 'longest')  # fmt: skip
-    command = (sys.executable, str(HERE / 'new_listener.py'), str(starts))
+    command = (sys.executable, str(HERE / 'new_listener.py'), str(options.listeners))
     rig.mark()
     begin = time.monotonic()
     done = rig.hosts.drone.start(*command, environment=DOMAIN, stdout=subprocess.PIPE)
     times = json.loads(done.communicate()[0])
     loop = Loop.of(rig.mark(), time.monotonic() - begin)
-    row(starts, f'{loop.lost:.2%}', f'{1e3 * loop.longest:.1f} ms', loop.gaps,
+    row(len(times), f'{loop.lost:.2%}', f'{1e3 * loop.longest:.1f} ms', loop.gaps,
         f'{np.median(times):.2f} s', f'{max(times):.2f} s')  # fmt: skip
     rig.hosts.set_rate('')
 
 
-def measure_recording(rig: Rig, seconds: float) -> None:
+def measure_recording(rig: Rig, options: argparse.Namespace) -> None:
     """Print how long the ground needs to fetch a bag that was recorded on the drone."""
     table('rate of the radio', 'packet loss per direction', 'recorded messages', 'size of the bag',
           'lost messages', 'fetched in', 'data rate', 'after a cut of 3 s',
           'time of an e-stop during the fetch')  # fmt: skip
-    for number, (rate, name, loss) in enumerate(
-        (('', 'no limit', 0.0), ('1mbit', '1 Mbit/s', 0.0), ('1mbit', '1 Mbit/s', 0.2))
-    ):
-        rig.hosts.set_rate(rate)
-        rig.relay.send_line(f'loss {loss}')
+    for number, (name, loss) in enumerate(radios(rig, ('', 0.0), ('1mbit', 0.0), ('1mbit', 0.2))):
         process = rig.arm('record', f'bag{number}')
         log = rig.folder / 'arm_record.log'
-        wait_for_text(log, 'Ctrl-C ends it')
-        time.sleep(seconds)
+        wait_for_text(log, 'Ctrl-C ends the recording')
+        time.sleep(options.seconds)
         process.send_signal(signal.SIGINT)
         wait_for_text(log, 'fetching')
         begin = time.monotonic()
@@ -229,22 +243,21 @@ def measure_recording(rig: Rig, seconds: float) -> None:
             path.read_bytes() == (rig.folder / 'bags' / bag.name / path.name).read_bytes()
             for path in bag.iterdir()
         )
-        found = topics(bag)['/joint_states']
-        row(name, f'{loss:.0%}', f'{found.messages} joint_states', f'{1e-6 * size:.2f} MB',
-            found.lost, f'{took:.1f} s', f'{8e-6 * size / took:.2f} Mbit/s',
+        states = read_joint_states(bag)
+        lost = lost_messages(states.sequence.tolist())
+        row(name, loss, f'{len(states)} joint_states', f'{1e-6 * size:.2f} MB',
+            lost, f'{took:.1f} s', f'{8e-6 * size / took:.2f} Mbit/s',
             'resumed, same bytes' if same and not status else f'FAILED, {status}',
             f'{stopped:.3f} s')  # fmt: skip
-    rig.relay.send_line('loss 0')
-    rig.hosts.set_rate('')
 
 
-def measure_page(rig: Rig, seconds: float) -> None:
+def measure_page(rig: Rig, options: argparse.Namespace) -> None:
     """Print how long the browser page on the ground takes to load, and how often it is updated."""
     # As prompt as the browser: other work on this machine must not count.
     start = ('chrt', '-f', '15', sys.executable, '-m', 'aerarm_ros.executables', 'view')
     log = rig.folder / 'ground_view.log'
     given = ('--ros-args', '-p', 'port:=8097')
-    rig.hosts.start(rig.hosts.ground, *start, *given, environment=DOMAIN, log=log)
+    rig.hosts.ground.start(*start, *given, environment=DOMAIN, log=log)
     wait_for_text(log, 'in a browser')
     rig.start_controller()
     run(rig, 'enable', '--wait', 'running')
@@ -252,40 +265,30 @@ def measure_page(rig: Rig, seconds: float) -> None:
           'joint states shown after', 'text on the page', 'updates of the pose',
           'updates of the curves')  # fmt: skip
     script = str(HERE / 'page_watch.py')
-    for rate, name, loss in (('', 'no limit', 0.0), ('1mbit', '1 Mbit/s', 0.2)):
-        rig.hosts.set_rate(rate)
-        rig.relay.send_line(f'loss {loss}')
-        run(rig, 'go', '0.5', '1.2', '0.3', '0.3', '--tolerance', '0.05')
-        rig.ground.send_line('sweep')
+    for name, loss in radios(rig, ('', 0.0), ('1mbit', 0.2)):
+        move(rig)
         command = ('chrt', '-f', '10', sys.executable, script, 'http://127.0.0.1:8097')
         done = rig.hosts.ground.start(
-            *command, str(seconds), environment=DOMAIN, stdout=subprocess.PIPE
+            *command, str(options.seconds), environment=DOMAIN, stdout=subprocess.PIPE
         )
         found = json.loads(done.communicate()[0])
-        row(name, f'{loss:.0%}', f'{found["button"]:.1f} s', f'{found["states"]:.1f} s',
+        row(name, loss, f'{found["button"]:.1f} s', f'{found["states"]:.1f} s',
             found['says'], f'{found["poses"]:.0f}/s', f'{found["curves"]:.0f}/s')  # fmt: skip
-    rig.relay.send_line('loss 0')
-    rig.hosts.set_rate('')
 
 
-def measure_controller(rig: Rig) -> None:
-    """Print whether a controller on the ground can command the arm."""
+def measure_controller(_: Rig, __: argparse.Namespace) -> None:
+    """Print whether a controller on the ground can command the arm over an open network."""
     table('network of a controller on the ground', 'result')
-    rig.start_on_ground('computed_torque')
-    log = rig.folder / 'ground_ground_link.log'
-    wait_for_text(log, 'cannot command the arm')
-    line = next(line for line in log.read_text().splitlines() if 'cannot command' in line)
-    row('default', f'rejected: {line.split("]: ")[1]}')
     with tempfile.TemporaryDirectory() as name, TwoHosts() as hosts:
         folder = Path(name)
         environment = {'ROS_DOMAIN_ID': '65', 'AERARM_NETWORK': 'open',
                        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}  # fmt: skip
         given = ('--ros-args', '-p', 'realtime_priority:=50', '-p', 'encoders:=absolute')
-        hosts.node(hosts.drone, 'fake_hardware', *given, environment=environment, folder=folder)
-        hosts.node(hosts.ground, 'computed_torque', *given[:3], environment=environment,
+        hosts.drone.node('fake_hardware', *given, environment=environment, folder=folder)
+        hosts.ground.node('computed_torque', *given[:3], environment=environment,
                    folder=folder)  # fmt: skip
         wait_for_text(folder / 'drone_fake_hardware.log', 'idle')
-        enabled = hosts.node(hosts.drone, 'arm', 'enable', '--wait', 'running',
+        enabled = hosts.drone.node('arm', 'enable', '--wait', 'running',
                              environment=environment, folder=folder)  # fmt: skip
         enabled.wait(PATIENCE)
         text = (folder / 'drone_arm.log').read_text().strip().splitlines()
@@ -301,10 +304,7 @@ def measure_clocks(presses: int) -> None:
         with tempfile.TemporaryDirectory() as folder, Rig(Path(folder), clock) as rig:
             rig.relay.send_line('delay 0.005')
             rig.relay.send_line('loss 0.05')
-            times = []
-            for _ in range(presses):
-                times.append(rig.press())
-                rig.clear()
+            times = press(rig, presses)
             rig.start_controller()
             run(rig, 'enable', '--wait', 'running')
             run(rig, 'go', '0.3', '1.2', '0.3', '0.3', '--tolerance', '0.05')
@@ -322,31 +322,28 @@ HOME = np.array(load_arm_config(None).rest_position)
 """Home configuration of the packaged arm [rad]."""
 
 
-PARTS = (
-    'stops',
-    'fresh',
-    'cuts',
-    'discovery',
-    'listeners',
-    'radios',
-    'watchdog',
-    'page',
-    'controller',
-    'recording',
-    'clocks',
-)
+PARTS = {
+    'stops': measure_stops,
+    'fresh': measure_fresh_stops,
+    'cuts': measure_cuts,
+    'discovery': measure_discovery,
+    'listeners': measure_listeners,
+    'radios': measure_radios,
+    'watchdog': measure_watchdog,
+    'page': measure_page,
+    'controller': measure_controller,
+    'recording': measure_recording,
+}
+CLOCKS = 'clocks'
+"""Part that starts its own hosts."""
 
 
 def missing_programs(parts: Sequence[str]) -> str:
     """Return which Debian packages the parts need and this machine lacks, '' if none."""
-    absent = [
-        name
-        for part, name in (('page', 'chromium'), ('clocks', 'faketime'))
-        if part in parts and shutil.which(name) is None
-    ]
-    if not absent:
-        return ''
-    return f'{", ".join(absent)} is not installed: apt-get install {" ".join(absent)}'
+    needs = (('page', 'chromium'), (CLOCKS, 'faketime'))
+    absent = [name for part, name in needs if part in parts and shutil.which(name) is None]
+    names = ', '.join(absent)
+    return f'{names} is not installed: apt-get install {" ".join(absent)}' if absent else ''
 
 
 def main() -> int:
@@ -359,7 +356,8 @@ def main() -> int:
     add('--seconds', type=float, default=8.0, help='duration per radio [s] (default: 8)')
     add('--cuts', type=float, nargs='+', default=[0.5, 5.0, 60.0],
         help='durations of the cuts [s] (default: 0.5 5 60)')  # fmt: skip
-    add('--only', nargs='+', choices=PARTS, default=PARTS, help='parts to measure (default: all)')
+    names = [*PARTS, CLOCKS]
+    add('--only', nargs='+', choices=names, default=names, help='parts to measure (default: all)')
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends what was started
     problem = missing_rights() or missing_programs(options.only)
@@ -368,26 +366,11 @@ def main() -> int:
         return 1
     load = ' '.join(f'{load:.1f}' for load in os.getloadavg())
     print(f'{machine()}\n\nload {load}', flush=True)
-    actions = [('continue', 5.0), *(('stop', cut) for cut in options.cuts), ('home', 5.0)]
-    stops = [('computed_torque', *action) for action in actions]
-    stops.append(('gravity_compensation', 'home', 5.0))
-    parts = {
-        'stops': lambda rig: measure_stops(rig, options.presses),
-        'fresh': lambda rig: measure_fresh_stops(rig, options.starts),
-        'cuts': lambda rig: measure_cuts(rig, options.cuts),
-        'discovery': lambda rig: measure_discovery(rig, options.starts),
-        'listeners': lambda rig: measure_listeners(rig, options.listeners),
-        'radios': lambda rig: measure_radios(rig, options.seconds),
-        'watchdog': lambda rig: measure_watchdog(rig, stops),
-        'page': lambda rig: measure_page(rig, options.seconds),
-        'controller': measure_controller,
-        'recording': lambda rig: measure_recording(rig, options.seconds),
-    }
     with tempfile.TemporaryDirectory() as folder, Rig(Path(folder)) as rig:
-        for name in parts:
+        for name, measure in PARTS.items():
             if name in options.only:
-                parts[name](rig)
-    if 'clocks' in options.only:
+                measure(rig, options)
+    if CLOCKS in options.only:
         measure_clocks(max(5, options.presses // 5))
     return 0
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from aerarm_msgs_py.bags.bag import Bag
 from aerarm_msgs_py.codecs.cdr import CdrReader, diagnostic_values
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder
-from aerarm_msgs_py.sequence_gaps import SequenceGaps
+from aerarm_msgs_py.sequence_gaps import lost_messages
 from aerarm_msgs_py.storage.read_limits import (
     BagError,
     BagWarning,
@@ -76,43 +76,18 @@ class JointStateSeries:
         )
 
 
-@dataclass(frozen=True)
-class TopicSummary:
-    """Message type, number of messages and number of lost messages of one topic in a bag.
-
-    Attributes
-    ----------
-    type
-        Message type, for example 'sensor_msgs/msg/JointState'.
-    messages
-        Number of messages in the bag.
-    lost
-        Number of messages that are missing between the first and the last one in the bag. None if
-        the recorder stored no publication sequence numbers.
-    """
-
-    type: str
-    messages: int
-    lost: int | None
-
-
-_GROWTH = 1.125  # small, because numpy fills with zeros, so unused memory counts too
-_FIRST = 4096  # messages
 _SINGLE_BYTES = 3000  # counted for a message that is decoded separately, which takes time
 
 
 class JointStateBuilder:
-    """Collector of JointState messages in arrays that grow with every block.
-
-    Large arrays grow in place without copying, so the messages are never in memory twice.
+    """Collector of the JointState messages of consecutive blocks.
 
     Parameters
     ----------
     most
         Number of messages to keep, from the start; later messages are only counted.
-    thinned
-        Number of messages that suffice for plots. At most twice this number is kept, evenly spread
-        over the bag. None keeps all messages.
+    stride
+        Only every `stride`-th message is kept.
     budget
         Limits of memory for the arrays, and of the time to fill them.
 
@@ -120,26 +95,20 @@ class JointStateBuilder:
     ----------
     left_out
         Number of messages beyond `most`, which are not in the arrays.
-    irregular
-        Number of ignored fields whose length was neither 0 nor that of the names.
     """
 
     def __init__(
-        self, most: int | None = None, thinned: int | None = None, budget: ReadBudget | None = None
+        self, most: int | None = None, stride: int = 1, budget: ReadBudget | None = None
     ) -> None:
         self.left_out = 0
         self._most = most
-        self._thinned = thinned
-        self._stride, self._seen = 1, 0  # step between kept messages; number of received messages
+        self._stride, self._seen = stride, 0
         self._decoder = JointStateDecoder()
         self._budget = budget
-        self._count = 0
-        self._times = np.empty((0, 2), np.int64)  # stamp and receipt time [ns]
-        self._sequence = np.empty(0, np.int64)
-        self._fields = [np.empty((0, 0)) for _ in range(3)]  # position, velocity, effort
-
-    def __len__(self) -> int:
-        return self._count
+        self._count = 0  # kept messages
+        # Per block: stamp and receipt time [ns], sequence numbers; then position, velocity, effort.
+        self._integers: list[list[NDArray[np.int64]]] = [[], [], []]
+        self._fields: list[list[NDArray[np.float64]]] = [[], [], []]
 
     @property
     def irregular(self) -> int:
@@ -156,9 +125,10 @@ class JointStateBuilder:
         BagError
             If the budget is exhausted.
         """
-        if self._thinned is not None:
-            self._thin_out(2 * self._thinned)
-        block = self._kept(block)
+        if self._stride > 1:
+            part = slice(-self._seen % self._stride, None, self._stride)
+            self._seen += len(block.payloads)
+            block = block.chosen(part)
         if self._most is not None and self._count + len(block.payloads) > self._most:
             self.left_out += len(block.payloads) - (self._most - self._count)
             block = block.chosen(slice(self._most - self._count))
@@ -168,62 +138,38 @@ class JointStateBuilder:
         stamp_ns, values = self._decoder.decode(block.payloads)
         if self._budget:
             self._budget.spend(values.nbytes + _SINGLE_BYTES * (self._decoder.singly - singly))
-        first, last = self._count, self._count + len(stamp_ns)
-        self._reserve(last, values.shape[2])
-        self._times[first:last, 0] = stamp_ns
-        self._times[first:last, 1] = block.log_time
-        self._sequence[first:last] = block.sequence
-        for k, numbers in enumerate(self._fields):
-            numbers[first:last] = values[:, k]
-        self._count = last
+        self._count += len(stamp_ns)
+        rows = stamp_ns, block.log_time, block.sequence
+        for parts, numbers in zip(self._integers, rows, strict=True):
+            parts.append(numbers)
+        for k, fields in enumerate(self._fields):
+            fields.append(values[:, k].copy())
 
     def series(self) -> JointStateSeries:
         """Return the collected messages in order of reception, and end the collection."""
-        for array in (self._times, self._sequence, *self._fields):
-            array.resize((self._count, *array.shape[1:]), refcheck=False)
-        self._sort()
+        stamp_ns, log_time, sequence = map(np.concatenate, self._integers)
+        order = None if (np.diff(log_time) >= 0).all() else np.argsort(log_time, kind='stable')
+        whole = slice(None) if order is None else order
+        position, velocity, effort = (self._joined(parts)[whole] for parts in self._fields)
         return JointStateSeries(
             names=tuple(self._decoder.names),
-            stamp=self._times[:, 0] / 1e9,
-            log_time=self._times[:, 1] / 1e9,
-            position=self._fields[0],
-            velocity=self._fields[1],
-            effort=self._fields[2],
-            sequence=self._sequence,
+            stamp=stamp_ns[whole] / 1e9,
+            log_time=log_time[whole] / 1e9,
+            position=position,
+            velocity=velocity,
+            effort=effort,
+            sequence=sequence[whole],
         )
 
-    def _sort(self) -> None:
-        """Sort the messages by time of reception, if the order in the file differs."""
-        log_time = self._times[:, 1]
-        if (np.diff(log_time) < 0).any():
-            order = np.argsort(log_time, kind='stable')
-            self._times, self._sequence = self._times[order], self._sequence[order]
-            self._fields = [numbers[order] for numbers in self._fields]
-
-    def _kept(self, block: MessageBlock) -> MessageBlock:
-        """Return the messages of a block to keep, one per stride."""
-        part = slice(-self._seen % self._stride, None, self._stride)
-        self._seen += len(block.payloads)
-        return block if self._stride == 1 else block.chosen(part)
-
-    def _thin_out(self, limit: int) -> None:
-        """Remove every second kept message and double the stride if `limit` is reached."""
-        if self._count < limit:
-            return
-        before, self._count = self._count, (self._count + 1) // 2
-        for array in (self._times, self._sequence, *self._fields):
-            array[: self._count] = array[:before:2].copy()
-        self._stride *= 2
-
-    def _reserve(self, count: int, joints: int) -> None:
-        known = self._fields[0].shape[1]
-        if joints > known:  # rare: a joint that earlier messages lack
-            missing = np.full((len(self._fields[0]), joints - known), np.nan)
-            self._fields = [np.hstack([numbers, missing]) for numbers in self._fields]
-        if count > len(self._sequence):
-            capacity = max(count, _FIRST, int(_GROWTH * len(self._sequence)))
-            for array in (self._times, self._sequence, *self._fields):
-                array.resize((capacity, *array.shape[1:]), refcheck=False)
+    def _joined(self, parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return the blocks of a field as one array, and free their memory."""
+        joined = np.full((self._count, len(self._decoder.names)), np.nan)
+        first = 0
+        for part in parts:  # early blocks may lack joints of later ones
+            joined[first : first + len(part), : part.shape[1]] = part
+            first += len(part)
+        parts.clear()
+        return joined
 
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -300,8 +246,9 @@ def read_contents(
     for block in bag.messages_and(name, JOINT_STATE, others):
         if block.type == JOINT_STATE:
             if block.topic not in builders:
-                thinned = None if block.topic == name else _ENOUGH
-                builders[block.topic] = JointStateBuilder(most, thinned, bag.budget)
+                expected = 0 if block.topic == name else bag.recorded_count(block.topic) or 0
+                stride = max(1, expected // _ENOUGH)
+                builders[block.topic] = JointStateBuilder(most, stride, bag.budget)
             _add(builders[block.topic], block, path)
         elif block.type == _STRING:
             _add_texts(contents.texts.setdefault(block.topic, []), block, bag.budget)
@@ -333,21 +280,9 @@ def read_contents(
     return contents
 
 
-def lost_messages(sequence: NDArray[np.int64]) -> int | None:
-    """Return the number of messages that are missing in M publication sequence numbers.
-
-    The result is None if the recorder stored no sequence numbers.
-    """
-    if len(sequence) and sequence[0] > 0 and np.all(np.diff(sequence) == 1):
-        return 0
-    gaps = SequenceGaps()
-    gaps.add_all(sequence.tolist())
-    return gaps.lost
-
-
 def _warn_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
     """Warn if sequence numbers are missing between the first and the last message."""
-    if lost := lost_messages(states.sequence):
+    if lost := lost_messages(states.sequence.tolist()):
         warnings.warn(
             f'bag {path}: the sequence numbers show that {lost} messages of topic {topic} are '
             'missing; the recorder lost these messages, or the bag is damaged',
@@ -417,23 +352,3 @@ def read_joint_states(
         If the bag or the topic cannot be read; the message states what to check.
     """
     return read_contents(path, topic, limits=limits).joint_states['/' + topic.lstrip('/')]
-
-
-def topics(path: Path | str) -> dict[str, TopicSummary]:
-    """Return type, number of messages and number of lost messages of every topic in a bag.
-
-    Raises
-    ------
-    BagError
-        If the bag cannot be read.
-    """
-    bag = Bag(path)
-    counts: dict[str, int] = {}
-    gaps: dict[str, SequenceGaps] = {}
-    for block in bag.blocks():
-        counts[block.topic] = counts.get(block.topic, 0) + len(block.payloads)
-        gaps.setdefault(block.topic, SequenceGaps()).add_all(block.sequence.tolist())
-    return {
-        topic: TopicSummary(kind, counts.get(topic, 0), gaps.get(topic, SequenceGaps()).lost)
-        for topic, kind in bag.types().items()
-    }

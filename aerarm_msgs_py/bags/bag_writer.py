@@ -12,12 +12,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import yaml
 
 from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
-from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS, McapWriter, message_definition
+from aerarm_msgs_py.bags.mcap_writer import McapWriter, message_definition
 from aerarm_msgs_py.storage.read_limits import BagError
 
 _VERSION = 9  # the version that ROS 2 Jazzy writes
@@ -102,6 +102,18 @@ def _topic_metadata(topic: RecordedTopic) -> dict[str, object]:
     }
 
 
+class _TimedFile(io.FileIO):
+    """File that measures the total time of its writes."""
+
+    seconds = 0.0
+
+    def write(self, content: Any, /) -> int:
+        begin = time.monotonic()
+        written = super().write(content)
+        self.seconds += time.monotonic() - begin
+        return written
+
+
 _CHUNK_PERIOD = 0.2  # [s]
 _CHUNK_SIZE = 2**20  # [bytes]
 _METADATA_PERIOD = 1.0  # [s]
@@ -130,25 +142,26 @@ class BagWriter:
     Raises
     ------
     BagError
-        If the directory exists or cannot be created, or the compression is unknown.
+        If the directory exists or cannot be created.
     """
 
     def __init__(
         self, directory: Path | str, topics: Sequence[RecordedTopic], compression: str = 'zstd'
     ) -> None:
-        if compression not in COMPRESSIONS:
-            raise BagError(
-                f'unknown compression {compression!r}: choose one of {", ".join(COMPRESSIONS)}'
-            )
         self.directory = Path(directory)
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
-        self._make_directory()
         try:
-            self._stream = io.FileIO(self.directory / self._metadata.file, 'xb')
+            self.directory.mkdir(parents=True)
+            self._file = _TimedFile(self.directory / self._metadata.file, 'xb')
+            self._stream: io.BufferedWriter = io.BufferedWriter(self._file)
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(self._stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._writer = McapWriter(self._stream, topics, compression)
             self._store_metadata()
+        except FileExistsError:
+            raise BagError(
+                f'the directory {self.directory} already exists: choose another directory'
+            ) from None
         except OSError as error:
             raise self._error(error) from error
         self._queue: deque[RecordedMessage] = deque()
@@ -167,6 +180,11 @@ class BagWriter:
     def waiting(self) -> int:
         """Number of messages that are queued but not stored yet."""
         return len(self._queue)
+
+    @property
+    def disk_time(self) -> float:
+        """Total time [s] of all writes to the disk so far."""
+        return self._file.seconds
 
     def fileno(self) -> int:
         """Return the file descriptor of the MCAP file."""
@@ -203,7 +221,7 @@ class BagWriter:
             self._store_metadata()
         except OSError as error:
             self._failure = error
-        finally:
+        with suppress(OSError):  # the same error again
             self._stream.close()
         self._check()
 
@@ -220,22 +238,9 @@ class BagWriter:
     def _error(self, error: Exception) -> BagError:
         reason = getattr(error, 'strerror', None) or error
         return BagError(
-            f'the bag {self.directory} cannot be written ({reason}): check permissions and free '
-            'space'
+            f'the bag {self.directory} cannot be written ({reason}): check the path, its '
+            'permissions and the free space'
         )
-
-    def _make_directory(self) -> None:
-        try:
-            self.directory.mkdir(parents=True)
-        except FileExistsError:
-            raise BagError(
-                f'the directory {self.directory} already exists: choose another directory'
-            ) from None
-        except OSError as error:
-            raise BagError(
-                f'the directory {self.directory} cannot be created ({error.strerror}): check path '
-                'and permissions'
-            ) from error
 
     def _work(self) -> None:
         metadata_due = time.monotonic() + _METADATA_PERIOD

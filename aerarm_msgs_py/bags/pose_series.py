@@ -21,10 +21,8 @@ TRANSFORM = 'geometry_msgs/msg/TransformStamped'
 TF = 'tf2_msgs/msg/TFMessage'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 IMU = 'sensor_msgs/msg/Imu'
-KINDS = (POINT, POSE, TRANSFORM, TF, ODOMETRY, IMU)
 
 _MOST = 2_000_000  # values of all series, because memory is limited
-_COVARIANCE = 9  # numbers in each covariance of an Imu
 _ROW = 8 * 12  # bytes of a sample
 
 
@@ -75,7 +73,7 @@ def read_poses(
     path
         rosbag2 directory, .mcap or .db3 file.
     topics
-        Names of the topics to read; if empty, all topics of the types in `KINDS`.
+        Names of the topics to read; if empty, all topics of the types above.
     frames
         Child frames to read from TFMessages; if empty, all frames.
     limits
@@ -93,19 +91,19 @@ def read_poses(
     """
     bag = Bag(path, limits)
     wanted = {'/' + topic.lstrip('/') for topic in topics}
-    found: dict[str, tuple[str, list[list[float]]]] = {}
+    found: dict[str, tuple[str, list[Array]]] = {}
     for block in bag.blocks(wanted or None):
-        if block.type not in KINDS:
+        if block.type not in _NUMBERS:
             continue
         log_time = (block.log_time / 1e9).tolist()
         for time, payload in zip(log_time, block.payloads, strict=True):
             bag.budget.spend(_ROW)
             try:
-                for name, row in _decode(payload, block.type):
+                for name, row in _decode(payload, block.type, time):
                     if name and frames and name not in frames:
                         continue
                     _, rows = found.setdefault(name or block.topic, (block.type, []))
-                    rows.append([row[0], time, *row[1:]])
+                    rows.append(row)
             except ValueError as error:
                 raise BagError(
                     f'topic {block.topic} of the bag {path} cannot be decoded ({error}): check '
@@ -119,8 +117,8 @@ def read_poses(
     return {name: _series(name, kind, rows) for name, (kind, rows) in found.items()}
 
 
-def _series(name: str, kind: str, rows: list[list[float]]) -> PoseSeries:
-    values = np.array(rows, dtype=float)
+def _series(name: str, kind: str, rows: list[Array]) -> PoseSeries:
+    values = np.array(rows)
     values = values[np.argsort(values[:, 0], kind='stable')]
     kept = np.concatenate([[True], np.diff(values[:, 0]) > 0.0])
     values = values[kept]
@@ -128,36 +126,21 @@ def _series(name: str, kind: str, rows: list[list[float]]) -> PoseSeries:
 
 
 _PARTS = 3, 7, 10  # first columns of quaternion, angular velocity and acceleration
-_NONE = [float('nan')]
+# Consecutive numbers of each kind after its header; an Imu has three covariances.
+_NUMBERS = {POINT: 3, POSE: 7, TRANSFORM: 7, TF: 7, ODOMETRY: 7, IMU: 28}
 
 
-def _header(reader: CdrReader) -> float:
-    stamp = reader.int32() + 1e-9 * reader.uint32()
-    reader.string()
-    return stamp
-
-
-def _doubles(reader: CdrReader, count: int) -> list[float]:
-    return reader.fixed_doubles(count).tolist()  # type: ignore[no-any-return]
-
-
-def _pose(reader: CdrReader, kind: str) -> tuple[str, list[float]]:
-    """Return the child frame, if any, and the numbers of a message after its stamp."""
-    if kind == POINT:
-        return '', [*_doubles(reader, 3), *10 * _NONE]
-    child = reader.string() if kind in (TRANSFORM, TF, ODOMETRY) else ''
-    return child if kind == TF else '', [*_doubles(reader, 7), *6 * _NONE]
-
-
-def _imu(reader: CdrReader) -> list[float]:
-    numbers = _doubles(reader, 4 + _COVARIANCE + 3 + _COVARIANCE + 3)
-    return [*3 * _NONE, *numbers[:4], *numbers[13:16], *numbers[-3:]]
-
-
-def _decode(payload: bytes, kind: str) -> Iterator[tuple[str, list[float]]]:
-    """Yield the child frame of each pose in a message, or '', with its stamp and numbers."""
+def _decode(payload: bytes, kind: str, log_time: float) -> Iterator[tuple[str, Array]]:
+    """Yield the child frame of each pose in a message, or '', with its times and numbers."""
     reader = CdrReader(payload)
     for _ in range(reader.uint32() if kind == TF else 1):
-        stamp = _header(reader)
-        name, numbers = ('', _imu(reader)) if kind == IMU else _pose(reader, kind)
-        yield name, [stamp, *numbers]
+        row = np.full(15, np.nan)
+        row[:2] = reader.int32() + 1e-9 * reader.uint32(), log_time
+        reader.string()  # frame
+        child = reader.string() if kind in (TRANSFORM, TF, ODOMETRY) else ''
+        numbers = reader.fixed_doubles(_NUMBERS[kind])
+        if kind == IMU:
+            row[5:9], row[9:12], row[12:] = numbers[:4], numbers[13:16], numbers[25:]
+        else:
+            row[2 : 2 + len(numbers)] = numbers
+        yield child if kind == TF else '', row

@@ -32,8 +32,8 @@ class CdrPrefix:
     ----------
     end
         Offset of the first byte after the prefix.
-    content
-        Bytes of the constant fields, with zeros as padding.
+    content, mask
+        Bytes of the constant fields, with zeros as padding, and their bits, without the padding.
     """
 
     def __init__(self, start: int, text: str, texts: Sequence[str]) -> None:
@@ -47,7 +47,7 @@ class CdrPrefix:
         self.start, self.end = start, start + len(content)
         self.content = self._recent = content
         self._value, self._mask = (int.from_bytes(part, 'little') for part in (content, mask))
-        self._known, self._known_mask = (np.frombuffer(part, np.uint8) for part in (content, mask))
+        self.mask = mask
 
     def matches(self, payload: bytes) -> bool:
         """Return whether a payload is little-endian CDR and contains these fields at `start`."""
@@ -63,15 +63,6 @@ class CdrPrefix:
         # The padding of a publisher seldom changes, so this avoids most masked comparisons.
         self._recent = found
         return True
-
-    def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return which of M payloads, the rows of an (M, size) array, contain these fields."""
-        if rows.shape[1] < self.end:
-            return np.zeros(len(rows), bool)
-        encapsulation = np.frombuffer(LITTLE_ENDIAN, np.uint8)
-        same = (rows[:, : len(LITTLE_ENDIAN)] == encapsulation).all(1)
-        same &= (rows[:, self.start : self.end] & self._known_mask == self._known).all(1)
-        return np.asarray(same)
 
 
 class CdrReader:
@@ -149,11 +140,6 @@ class CdrReader:
         return data
 
 
-_WORDS = np.dtype('<u8')
-_HALF, _ODD = np.uint64(32), np.uint64(1)
-_WEIGHT = np.uint64(0x9E3779B97F4A7C15)  # arbitrary; weights of adjacent words differ in all bits
-
-
 class Payloads(Sequence[bytes]):
     """Sequence of K serialized messages in one buffer; only access to a message copies it.
 
@@ -221,26 +207,9 @@ class Payloads(Sequence[bytes]):
         sizes = self.sizes
         if not len(sizes):
             return
-        if (sizes == sizes[0]).all():
-            yield np.arange(len(sizes))
-            return
         order = np.argsort(sizes, kind='stable')
         firsts = np.unique(sizes[order], return_index=True)[1]
         yield from sorted(np.split(order, firsts[1:]), key=lambda index: int(index[0]))
-
-    def hashes(self) -> NDArray[np.uint64]:
-        """Return one hash per message, (K,): the weighted sum of its words plus its size."""
-        found = self.sizes.astype(np.uint64)
-        for index in self.groups_of_size():
-            rows = self.rows(index)
-            words = np.zeros((len(rows), -(-rows.shape[1] // _WORDS.itemsize)), _WORDS)
-            words.view(np.uint8)[:, : rows.shape[1]] = rows
-            # Otherwise sign bits, the highest bits of the words, would cancel out in the sum.
-            words ^= words >> _HALF
-            weights = np.arange(1, words.shape[1] + 1, dtype=np.uint64) * _WEIGHT
-            weights ^= weights >> _HALF
-            found[index] += words @ (weights | _ODD)
-        return found
 
 
 def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -> NDArray[Any]:

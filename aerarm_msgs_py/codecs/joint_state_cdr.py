@@ -9,7 +9,7 @@ import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,7 +43,8 @@ class JointSample(NamedTuple):
 _STAMP = struct.Struct('<iI')
 _STAMP_OFFSET = ENCAPSULATION_SIZE
 _PREFIX_OFFSET = _STAMP_OFFSET + _STAMP.size
-_FIELDS = ('position', 'velocity', 'effort')
+_STAMP_FIELDS = np.dtype([('sec', '<i4'), ('nanosec', '<u4')])
+_COUNT = struct.Struct('<I')
 _DOUBLES = np.dtype('<f8')
 _NANOSECONDS = 1_000_000_000
 
@@ -70,26 +71,25 @@ class JointStateLayout:
     """
 
     def __init__(self, prefix: CdrPrefix, n: int, full: tuple[bool, ...]) -> None:
-        self.size = prefix.end
-        self._prefix, self._n = prefix, n
+        self._n = n
         self._counts = tuple(n * is_full for is_full in full)
         self._offsets: list[int | None] = []
-        kinds: dict[str, tuple[Any, int]] = {
-            'sec': ('<i4', _STAMP_OFFSET),
-            'nanosec': ('<u4', _STAMP_OFFSET + 4),
-        }
+        content, mask = bytearray(prefix.end), bytearray(prefix.end)
+        content[:2], mask[:2] = LITTLE_ENDIAN, b'\xff\xff'
+        content[prefix.start :], mask[prefix.start :] = prefix.content, prefix.mask
         numbers, end = f'<{_STAMP_OFFSET}xiI', _PREFIX_OFFSET  # the stamp, then each count
-        for name, is_full in zip(_FIELDS, full, strict=True):
-            kinds[f'{name} count'] = ('<u4', self.size)
-            numbers += f'{self.size - end}xI'
-            end = self.size = self.size + 4
-            if is_full:
-                self.size += -(self.size - ENCAPSULATION_SIZE) % 8
-                kinds[name] = (('<f8', n), self.size)
-            self._offsets.append(self.size if is_full else None)
-            self.size += 8 * n * is_full
+        for count, is_full in zip(self._counts, full, strict=True):
+            numbers += f'{len(content) - end}xI'
+            content += _COUNT.pack(count)
+            mask += b'\xff' * _COUNT.size
+            end = len(content)
+            padding = -(end - ENCAPSULATION_SIZE) % 8 if is_full else 0
+            self._offsets.append(end + padding if is_full else None)
+            content += bytes(padding + _DOUBLES.itemsize * count)
+            mask += bytes(len(content) - len(mask))
+        self.size = len(content)
         self._numbers = struct.Struct(numbers)
-        self._dtype = np.dtype(kinds)  # type: ignore[call-overload]
+        self._content, self._mask = (np.frombuffer(part, np.uint8) for part in (content, mask))
 
     def sample(self, payload: bytes) -> JointSample | None:
         """Return stamp and views of the fields of a payload; None if it has another layout."""
@@ -108,41 +108,28 @@ class JointStateLayout:
         """Return which of M payloads, the rows of an (M, size) array, have this layout."""
         if rows.shape[1] < self.size:
             return np.zeros(len(rows), bool)
-        records = self._records(rows)
-        counts = zip(_FIELDS, self._counts, strict=True)
-        same = [records[f'{name} count'] == count for name, count in counts]
-        return np.asarray(np.all(same, axis=0))
+        return np.asarray((rows[:, : self.size] & self._mask == self._content).all(1))
 
-    def read_rows(
-        self,
-        rows: NDArray[np.uint8],
-        which: slice | NDArray[np.bool_],
-        stamp_ns: NDArray[np.int64],
-        values: NDArray[np.float64],
-    ) -> None:
-        """Store stamps (M,) [ns] and values (M, 3, n) of the rows `which`, which have this layout.
+    def read_rows(self, rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return stamps (M,) [ns] and values (M, 3, n) of M payloads of this layout.
 
-        Values of empty fields stay unchanged.
+        Values of empty fields are NaN.
         """
-        records = self._records(rows)[which]
-        stamp_ns[which] = records['sec'].astype(np.int64) * _NANOSECONDS + records['nanosec']
-        for k, (name, count) in enumerate(zip(_FIELDS, self._counts, strict=True)):
-            if count:
-                values[which, k] = records[name]
+        stamps = rows[:, _STAMP_OFFSET:_PREFIX_OFFSET].copy().view(_STAMP_FIELDS)[:, 0]
+        values = np.full((len(rows), len(self._offsets), self._n), np.nan)
+        for k, offset in enumerate(self._offsets):
+            if offset is not None:
+                numbers = rows[:, offset : offset + _DOUBLES.itemsize * self._n]
+                values[:, k] = numbers.copy().view(_DOUBLES)
+        return stamps['sec'].astype(np.int64) * _NANOSECONDS + stamps['nanosec'], values
 
     def template(self) -> tuple[bytearray, list[NDArray[np.float64]]]:
         """Return a payload without stamp and values, and writable views of its fields."""
-        buffer = bytearray(self.size)
-        buffer[:2] = LITTLE_ENDIAN
-        buffer[self._prefix.start : self._prefix.end] = self._prefix.content
-        (record,) = self._records(np.frombuffer(buffer, np.uint8)[None])
-        for name, count in zip(_FIELDS, self._counts, strict=True):
-            record[f'{name} count'] = count
-        pairs = zip(_FIELDS, self._counts, strict=True)
-        return buffer, [record[name] if count else np.empty(0) for name, count in pairs]
-
-    def _records(self, rows: NDArray[np.uint8]) -> NDArray[np.void]:
-        return np.asarray(rows[:, : self.size].view(self._dtype)[:, 0])
+        buffer = bytearray(self._content)
+        return buffer, [
+            np.empty(0) if offset is None else np.frombuffer(buffer, _DOUBLES, self._n, offset)
+            for offset in self._offsets
+        ]
 
 
 class JointStateCdr:
@@ -238,42 +225,11 @@ class JointStateCdr:
                     break
         return sample
 
-    def unpack_rows(
-        self, rows: NDArray[np.uint8]
-    ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.float64]]:
-        """Decode M messages of equal size at once.
-
-        Parameters
-        ----------
-        rows
-            (M, size) the payloads, one per row.
-
-        Returns
-        -------
-        mine : (M,) whether each row has a layout of this codec; true for K rows
-        stamp_ns : (K,) [ns]
-        values : (K, 3, n) position, velocity and effort [rad, rad/s, Nm]; NaN where empty
-        """
-        left = self._prefix.matching_rows(rows)
-        stamp_ns = np.zeros(len(rows), np.int64)
-        values = np.full((len(rows), 3, len(self.names)), np.nan)
-        mine = np.zeros(len(rows), bool)
-        for layout in self._layouts.values():
-            if not left.any():
-                break
-            same = left & layout.matching_rows(rows)
-            if same.any():
-                layout.read_rows(rows, slice(None) if same.all() else same, stamp_ns, values)
-            mine |= same
-            left &= ~same
-        return (mine, stamp_ns, values) if mine.all() else (mine, stamp_ns[mine], values[mine])
-
 
 # Indices of the messages, (k, 3, m) numbers, and the columns of the m joints.
 _Decoded = tuple[NDArray[np.intp], NDArray[np.float64], list[int]]
 
-_KNOWN_LAYOUTS = 8
-_LEARNT_LAYOUTS = 64  # in total, because learning one takes time
+_LEARNT_LAYOUTS = 64  # limit per topic, because learning one and each comparison take time
 _MOST_JOINTS = 256  # limit per topic, more than any robot has, because memory is limited
 _LONGEST_NAME = 255  # characters
 _LONGEST_PREFIX = 2**14  # longest names prefix to learn, in bytes
@@ -282,8 +238,8 @@ _LONGEST_PREFIX = 2**14  # longest names prefix to learn, in bytes
 class JointStateDecoder:
     """Decoder of JointState messages with any joint names, block by block.
 
-    Messages with equal names, frame and size are decoded together by `JointStateCdr`, other
-    messages one by one. Each joint name has a column in the result, also in later blocks.
+    Messages with equal names, frame and lengths are decoded together, other messages one by one.
+    Each joint name has a column in the result, also in later blocks.
 
     Attributes
     ----------
@@ -299,8 +255,7 @@ class JointStateDecoder:
         self.names: list[str] = []
         self.irregular = 0
         self.singly = 0
-        self._codecs: list[tuple[JointStateCdr, list[int]]] = []
-        self._learnt = 0
+        self._layouts: dict[tuple[str, tuple[str, ...], tuple[bool, ...]], JointStateLayout] = {}
 
     def decode(self, payloads: Payloads) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Decode K JointState messages.
@@ -333,36 +288,51 @@ class JointStateDecoder:
         self, payloads: Payloads, left: NDArray[np.intp], stamp_ns: NDArray[np.int64]
     ) -> Iterator[_Decoded]:
         """Decode messages of equal size, and yield their values in groups of equal layout."""
-        codecs = tuple(self._codecs)
         while len(left):
-            for codec, columns in codecs:
-                mine, stamps, numbers = codec.unpack_rows(payloads.rows(left))
-                if mine.any():
-                    found, left = left[mine], left[~mine]
-                    stamp_ns[found] = stamps
-                    yield found, numbers, columns
-            if len(left):
-                learnt, first = self._learnt, left[:1]
-                stamp_ns[first], numbers, columns = self._decode_one(payloads[int(first[0])])
-                yield first, numbers[None], columns
-                left = left[1:]
-                # The layout of one message usually fits all of the group.
-                codecs = tuple(self._codecs[-1:] if self._learnt > learnt else ())
+            payload = payloads[int(left[0])]
+            stamp, frame_id, names, fields = _read(payload)
+            self._check_names(names)
+            columns = [self._column(name) for name in names]
+            layout = self._layout(payload, frame_id, names, fields)
+            if layout is None:
+                found, left = left[:1], left[1:]
+                stamp_ns[found] = stamp
+                yield found, self._numbers(fields, len(names))[None], columns
+            else:
+                rows = payloads.rows(left)
+                same = layout.matching_rows(rows)
+                found, left = left[same], left[~same]
+                stamp_ns[found], values = layout.read_rows(rows[same])
+                yield found, values, columns
 
-    def _decode_one(self, payload: bytes) -> tuple[int, NDArray[np.float64], list[int]]:
-        """Return the stamp [ns] of one message, its values (3, m), and the m columns for them."""
+    def _numbers(self, fields: list[NDArray[np.float64]], n: int) -> NDArray[np.float64]:
+        """Return the values (3, n) of a message; NaN for fields of another length."""
         self.singly += 1
-        stamp_ns, frame_id, names, fields = _read(payload)
-        self._check_names(names)
-        numbers = np.full((3, len(names)), np.nan)
+        numbers = np.full((len(fields), n), np.nan)
         for row, field in zip(numbers, fields, strict=True):
-            if len(field) == len(names):
+            if len(field) == n:
                 row[:] = field
             else:
                 self.irregular += len(field) > 0
-        columns = [self._column(name) for name in names]
-        self._remember(names, frame_id, columns)
-        return stamp_ns, numbers, columns
+        return numbers
+
+    def _layout(
+        self, payload: bytes, frame_id: str, names: list[str], fields: list[NDArray[np.float64]]
+    ) -> JointStateLayout | None:
+        """Return the layout of a message; None if the message must be decoded separately."""
+        short = len(frame_id) + sum(map(len, names)) < _LONGEST_PREFIX
+        is_regular = all(len(field) in (0, len(names)) for field in fields)
+        if not (names and short and is_regular and payload.startswith(LITTLE_ENDIAN)):
+            return None
+        key = frame_id, tuple(names), tuple(len(field) > 0 for field in fields)
+        if key not in self._layouts and len(self._layouts) < _LEARNT_LAYOUTS:
+            self.singly += 1
+            prefix = CdrPrefix(_PREFIX_OFFSET, frame_id, names)
+            self._layouts[key] = JointStateLayout(prefix, len(names), key[2])
+        layout = self._layouts.get(key)
+        # A text that is damaged, or does not end with a zero, differs from its decoded form.
+        row = np.frombuffer(payload, np.uint8)[None]
+        return layout if layout is not None and layout.matching_rows(row)[0] else None
 
     def _check_names(self, names: list[str]) -> None:
         if len(names) > _MOST_JOINTS:
@@ -382,16 +352,6 @@ class JointStateDecoder:
                 raise ValueError(f'the messages name more than {_MOST_JOINTS} joints')
             self.names.append(name)
         return self.names.index(name)
-
-    def _remember(self, names: list[str], frame_id: str, columns: list[int]) -> None:
-        known = any(
-            codec.names == tuple(names) and codec.frame_id == frame_id for codec, _ in self._codecs
-        )
-        short = len(frame_id) + sum(map(len, names)) < _LONGEST_PREFIX
-        if names and short and not known and self._learnt < _LEARNT_LAYOUTS:
-            self._codecs.append((JointStateCdr(names, frame_id), columns))
-            self._learnt += 1
-            del self._codecs[:-_KNOWN_LAYOUTS]
 
 
 def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:

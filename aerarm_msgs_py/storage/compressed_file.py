@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,127 +14,59 @@ import zstandard
 from aerarm_msgs_py.codecs.cdr import Payloads
 from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
 
-_PIECE = 2**17  # bytes
+_PIECE = 2**20  # bytes
 _LARGEST_WINDOW = 2**27  # bytes that a zstd frame may use in addition to its content
-_LZ4_RATIO = 255  # bound of the LZ4 format
-_UNKNOWN_SIZES = (zstandard.CONTENTSIZE_UNKNOWN, zstandard.CONTENTSIZE_ERROR)
 _FAILURES = (zstandard.ZstdError, RuntimeError, MemoryError)
 
-COMPRESSIONS = ('', 'lz4', 'zstd')
-"""Supported compressions of chunks; '' stands for an uncompressed chunk."""
 
+def decompress(data: bytes, compression: str, most: int) -> bytes:
+    """Decompress data up to their end, their first damage, or `most` bytes.
 
-class DecompressionError(ValueError):
-    """Compressed data is damaged, or its content does not have the declared size."""
-
-
-def check_claim(data: bytes, compression: str, size: int) -> None:
-    """Check before decompression whether the declared size of the content is possible.
+    Parameters
+    ----------
+    compression
+        'zstd', 'lz4', or '' for no compression.
 
     Raises
     ------
-    DecompressionError
-        If the compression is unknown or the size is impossible.
+    ValueError
+        If the compression is unknown.
     """
-    if compression not in COMPRESSIONS:
-        raise DecompressionError(f'unknown compression {compression[:20]!r}')
-    possible = True
-    if not compression:
-        possible = len(data) == size
-    elif compression == 'lz4':
-        possible = size <= _LZ4_RATIO * len(data)
-    else:
-        content = content_size(data)
-        possible = content is None or content == size
-    if not possible:
-        raise DecompressionError(
-            f'the compressed data have {len(data)} bytes, so the stated content size of {size} '
-            'bytes is impossible'
-        )
-
-
-def content_size(data: bytes) -> int | None:
-    """Return the content size that a zstd frame declares; None if it declares no size.
-
-    Raises
-    ------
-    DecompressionError
-        If the data is not a zstd frame.
-    """
-    try:
-        size = int(zstandard.get_frame_parameters(data).content_size)
-    except _FAILURES as error:
-        raise DecompressionError(str(error)) from None
-    return None if size in _UNKNOWN_SIZES else size
-
-
-def decompress(data: bytes, compression: str, size: int) -> bytes:
-    """Decompress data, and check that the result has the declared size of `size` bytes.
-
-    Raises
-    ------
-    DecompressionError
-        If the data is damaged, or its content has another size.
-    """
-    check_claim(data, compression, size)
-    if not compression or not size:
-        records = b'' if not size else data
-    else:
-        try:
-            if compression == 'zstd':
-                decompressor = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW)
-                records = decompressor.decompress(data, max_output_size=size)
-            else:
-                records = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
-        except _FAILURES as error:
-            raise DecompressionError(str(error)) from None
-    if len(records) != size:
-        raise DecompressionError(
-            f'the decompressed data have {len(records)} bytes instead of the stated {size} bytes'
-        )
-    return bytes(records)
-
-
-def beginning(data: bytes, compression: str, most: int) -> bytes:
-    """Decompress the start of truncated or damaged data, up to the damage or `most` bytes."""
     if not compression:
         return data[:most]
+    if compression not in ('lz4', 'zstd'):
+        raise ValueError(f'unknown compression {compression[:20]!r}')
+    pieces = _zstd_pieces(data, most) if compression == 'zstd' else _lz4_pieces(data, most)
     parts: list[bytes] = []
-    pieces = _zstd_pieces(data) if compression == 'zstd' else _lz4_pieces(data)
-    try:
-        for piece in pieces if compression in COMPRESSIONS else ():
-            parts.append(piece[:most])
-            most -= len(parts[-1])
-            if not most:
-                break
-    except _FAILURES:
-        pass  # The part before the damage is valid.
+    with suppress(*_FAILURES):  # the part before the damage is valid
+        parts.extend(pieces)
     return b''.join(parts)
 
 
-def _zstd_pieces(data: bytes) -> Iterator[bytes]:
-    decompressor = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW)
-    with decompressor.stream_reader(data) as reader:
-        while piece := reader.read(_PIECE):
+def _zstd_reader(source: object) -> zstandard.ZstdDecompressionReader:
+    return zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).stream_reader(source)  # type: ignore[arg-type]
+
+
+def _zstd_pieces(data: bytes, most: int) -> Iterator[bytes]:
+    with _zstd_reader(data) as reader:
+        while piece := reader.read(min(_PIECE, most)):
+            most -= len(piece)
             yield piece
 
 
-def _lz4_pieces(data: bytes) -> Iterator[bytes]:
+def _lz4_pieces(data: bytes, most: int) -> Iterator[bytes]:
     decompressor = lz4.frame.LZ4FrameDecompressor()
-    given = 0
-    while not decompressor.eof and (given < len(data) or not decompressor.needs_input):
+    while most and not decompressor.eof and (data or not decompressor.needs_input):
         more = b''
         if decompressor.needs_input:
-            more = data[given : given + _PIECE]
-            given += len(more)
-        if piece := decompressor.decompress(more, max_length=_PIECE):
-            yield piece
+            more, data = data[:_PIECE], data[_PIECE:]
+        piece = decompressor.decompress(more, max_length=min(_PIECE, most))
+        most -= len(piece)
+        yield piece
 
 
 SUFFIX = '.zstd'
 """Suffix that rosbag2 appends to the names of files compressed as a whole."""
-
-_COPIED_PIECE = 2**20  # bytes
 
 
 class BagFile(ABC):
@@ -154,11 +87,10 @@ class BagFile(ABC):
         Number of messages per topic that the file states; None if unknown.
     """
 
-    types: dict[str, str]
-    counts: dict[str, int] | None
-
     def __init__(self, path: Path, budget: ReadBudget) -> None:
         self.path = path
+        self.types: dict[str, str] = {}
+        self.counts: dict[str, int] | None = None
         self._budget = budget
         self._report = DamageReport(path)
 
@@ -189,7 +121,6 @@ class CompressedFile(BagFile):
         self, path: Path, budget: ReadBudget, opened: Callable[[Path, ReadBudget], BagFile]
     ) -> None:
         super().__init__(path, budget)
-        self.types, self.counts = {}, None
         self._opened = opened
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
@@ -215,13 +146,12 @@ class CompressedFile(BagFile):
                 self.types, self.counts, self._report = inner.types, inner.counts, inner._report
 
     def _decompress(self, file: Path) -> None:
-        decompressor = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW)
         with (
             self.path.open('rb') as stream,
-            decompressor.stream_reader(stream) as reader,
+            _zstd_reader(stream) as reader,
             file.open('wb') as decompressed_file,
         ):
-            while piece := reader.read(_COPIED_PIECE):
+            while piece := reader.read(_PIECE):
                 self._budget.spend(len(piece))
                 decompressed_file.write(piece)
 
@@ -241,15 +171,15 @@ def decompressed(
     messages = []
     sound = np.zeros(len(block.payloads), bool)
     for k, payload in enumerate(block.payloads):
-        try:
-            size = content_size(payload)
-            if size is None or size > budget.part_bytes:
+        with suppress(zstandard.ZstdError):
+            size = zstandard.get_frame_parameters(payload).content_size
+            if size > budget.part_bytes:  # also an unknown size, which is a large number
                 continue
             budget.spend(size)
-            messages.append(decompress(payload, 'zstd', size))
-            sound[k] = True
-        except DecompressionError:
-            continue
+            content = decompress(payload, 'zstd', size)
+            if len(content) == size:
+                messages.append(content)
+                sound[k] = True
     if len(messages) < len(sound):
         report.add(
             f'the reader ignores {len(sound) - len(messages)} messages of topic {block.topic}, '

@@ -6,12 +6,12 @@ reading ends with one error.
 """
 
 import json
+import marshal
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Collection, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,9 @@ import numpy as np
 from aerarm_msgs_py.codecs.cdr import Payloads
 from aerarm_msgs_py.storage import foreign_reader
 from aerarm_msgs_py.storage.compressed_file import BagFile
-from aerarm_msgs_py.storage.foreign_reader import END, HEAD, TOPICS
+from aerarm_msgs_py.storage.foreign_reader import SIZE
 from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
-from aerarm_msgs_py.storage.read_limits import BagError, MessageBlock, ReadBudget, reading
+from aerarm_msgs_py.storage.read_limits import BagError, MessageBlock, reading
 
 _BEGINNINGS = {
     '.bag': (b'#ROSBAG V2.0\n', 'a ROS 1 bag (format version 2.0)'),
@@ -42,13 +42,8 @@ class ForeignFile(BagFile):
     The messages are in order of reception. ROS 1 messages of standard types are converted to ROS 2.
     Only data compressed by bz2 has checksums; other damage inside a message is not detected.
 
-    `types` is empty and `counts` None before the file is opened. `counts` is from the index or the
-    tables of the file.
+    `counts` is from the index or the tables of the file.
     """
-
-    def __init__(self, path: Path, budget: ReadBudget) -> None:
-        super().__init__(path, budget)
-        self.types, self.counts = {}, None
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """Yield the messages of `topics` in blocks; None selects all topics.
@@ -123,28 +118,26 @@ class ForeignFile(BagFile):
         """Yield the blocks that the reading process writes; store its final report in `end`."""
         stream = process.stdout
         assert stream
-        names: list[str] = []
-        while len(head := stream.read(HEAD.size)) == HEAD.size:
-            index, count, size = HEAD.unpack(head)
+        while len(head := stream.read(SIZE.size)) == SIZE.size:
+            (size,) = SIZE.unpack(head)
             content = stream.read(size)
-            if index == END:
-                end.update(json.loads(content))
+            if len(content) < size:
                 break
-            if index == TOPICS:
-                known = json.loads(content)
-                names = [name for name, _, _ in known]
-                self.types = {name: kind for name, kind, _ in known}
-                self.counts = {name: messages for name, _, messages in known}
-                continue
-            times, sizes = np.frombuffer(content, np.int64, 2 * count).reshape(2, count)
-            starts = 16 * count + np.cumsum(sizes) - sizes
-            yield MessageBlock(
-                names[index],
-                self.types[names[index]],
-                times,
-                np.zeros(count, np.int64),
-                Payloads(content, starts, sizes),
-            )
+            kind, *item = marshal.loads(content)
+            if kind == 'topics':
+                self.types = {name: kind for name, kind, _ in item[0]}
+                self.counts = {name: messages for name, _, messages in item[0]}
+            elif kind == 'messages':
+                topic, times, payloads = item
+                yield MessageBlock(
+                    topic,
+                    self.types[topic],
+                    np.array(times, np.int64),
+                    np.zeros(len(times), np.int64),
+                    Payloads.of(payloads),
+                )
+            else:
+                end.update(item[0])
         if not end:
             end['limit'] = 'time' if process.wait() == -signal.SIGXCPU else 'memory'
         if end['limit']:

@@ -6,18 +6,16 @@ because these imports would take most of the time for a small file.
 
 import contextlib
 import json
+import marshal
 import resource
 import struct
 import sys
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
-HEAD = struct.Struct('<iIQ')
-"""Format of the first bytes of a block: index of the topic, messages, bytes."""
-TOPICS, END = -1, -2
-"""Values instead of an index: a JSON text follows, with the topics or the result."""
-
-_NUMBER = struct.Struct('<q')
+SIZE = struct.Struct('<Q')
+"""Format of the number of bytes that precedes each item in the output."""
 _BLOCK = 1000  # messages
 _BLOCK_BYTES = 2**20
 _LONGEST_NAME = 4096  # characters
@@ -25,45 +23,34 @@ _LONGEST_ERROR = 200  # characters
 _OF_LIMITS = ('NoMemError', 'IOError', 'FullError')  # SQLite's errors of memory and temporary file
 
 
-def _write(index: int, count: int, *parts: bytes) -> None:
-    stream = sys.stdout.buffer
-    stream.write(HEAD.pack(index, count, sum(map(len, parts))))
-    for part in parts:
-        stream.write(part)
+def _write(*item: Any) -> None:
+    data = marshal.dumps(item)
+    sys.stdout.buffer.write(SIZE.pack(len(data)))
+    sys.stdout.buffer.write(data)
 
 
 class _Sender:
     """Queue of messages per topic; the queue is written to standard output in blocks."""
 
-    def __init__(self, names: list[str]) -> None:
-        self._indexes = {name: index for index, name in enumerate(names)}
-        self._waiting: list[list[tuple[int, bytes]]] = [[] for _ in names]
+    def __init__(self) -> None:
+        self._waiting: dict[str, list[tuple[int, bytes]]] = {}
         self._held = 0
 
     def add(self, topic: str, log_time: int, payload: bytes) -> None:
         """Queue a message; raise an error for a value of a wrong type, which SQLite allows."""
-        index = self._indexes[topic]
-        messages = self._waiting[index]
-        _NUMBER.pack(log_time)
-        messages.append((log_time, bytes(payload)))
+        struct.pack('q', log_time)
+        message = log_time, bytes(payload)
+        messages = self._waiting.setdefault(topic, [])
+        messages.append(message)
         self._held += len(payload)
         if len(messages) == _BLOCK or self._held > _BLOCK_BYTES:
-            self._send(index)
+            self._held -= sum(len(waiting) for _, waiting in messages)
+            _write('messages', topic, *zip(*self._waiting.pop(topic), strict=True))
 
     def finish(self) -> None:
         """Write all queued messages."""
-        for index in range(len(self._waiting)):
-            self._send(index)
-
-    def _send(self, index: int) -> None:
-        messages = self._waiting[index]
-        if not messages:
-            return
-        numbers = [time for time, _ in messages] + [len(payload) for _, payload in messages]
-        packed = struct.pack(f'<{len(numbers)}q', *numbers)
-        _write(index, len(messages), packed, *(payload for _, payload in messages))
-        self._held -= sum(len(payload) for _, payload in messages)
-        messages.clear()
+        for topic, messages in self._waiting.items():
+            _write('messages', topic, *zip(*messages, strict=True))
 
 
 def _read(path: Path, topics: Collection[str] | None, part_bytes: int, most_topics: int) -> int:
@@ -87,17 +74,17 @@ def _read(path: Path, topics: Collection[str] | None, part_bytes: int, most_topi
             )
         known = {name: info for name, info in reader.topics.items() if len(name) < _LONGEST_NAME}
         described = [(name, str(t.msgtype or ''), t.msgcount) for name, t in known.items()]
-        _write(TOPICS, 0, json.dumps(described).encode())
+        _write('topics', described)
         wanted = [c for c in reader.connections if topics is None or c.topic in topics]
         missing: int = sum(connection.msgcount for connection in wanted)
         missing += reader.message_count - sum(c.msgcount for c in reader.connections)
-        sender = _Sender(list(known))
+        sender = _Sender()
         try:
             for connection, log_time, payload in reader.messages(wanted) if wanted else ():
                 with contextlib.suppress(*damage):
                     if of_ros1 and connection.msgtype in store.types:
                         payload = store.ros1_to_cdr(payload, connection.msgtype)
-                    if len(payload) <= part_bytes:
+                    if len(payload) <= part_bytes and connection.topic in known:
                         sender.add(connection.topic, log_time, payload)
                         missing -= 1
         finally:
@@ -130,7 +117,7 @@ def main(arguments: str) -> None:
         if type(error.__cause__ or error).__name__ in _OF_LIMITS:
             end['limit'] = 'memory'
         end['error'] = ' '.join(str(error).split())[:_LONGEST_ERROR] or type(error).__name__
-    _write(END, 0, json.dumps(end).encode())
+    _write('end', end)
     sys.stdout.flush()
 
 

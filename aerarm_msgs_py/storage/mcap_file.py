@@ -9,9 +9,8 @@ https://mcap.dev/spec.
 import contextlib
 import os
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from aerarm_msgs_py.codecs.cdr import Payloads, elements_at
 from aerarm_msgs_py.storage.compressed_file import BagFile
-from aerarm_msgs_py.storage.mcap_records import ChunkError, McapChunk, McapTopics, RecordFields
+from aerarm_msgs_py.storage.mcap_records import McapTopics, RecordFields, read_chunk
 from aerarm_msgs_py.storage.mcap_walk import (
     MAGIC,
     MESSAGE_HEADER,
@@ -40,67 +39,15 @@ from aerarm_msgs_py.storage.read_limits import (
     reading,
 )
 
-Keys = NDArray[np.uint64]
-
-# Odd, so that multiplication is invertible; the values are arbitrary.
-_MIX_TIME, _MIX_SEQUENCE = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
-
-
-class RepeatedMessages:
-    """Finder of messages that a file contains twice: equal log time, sequence number and bytes.
-
-    The finder stores a hash of eight bytes per message of one topic. It compares the hashes only if
-    the time of reception does not increase; it increases in every intact bag.
-    """
-
-    def __init__(self) -> None:
-        self._newest = -(2**63)
-        self._known: Keys = np.empty(0, np.uint64)
-        self._recent: list[Keys] = []
-
-    def first_ones(
-        self, log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads
-    ) -> NDArray[np.bool_] | None:
-        """Return a mask (K,) of the messages that repeat no earlier one; None if none does."""
-        if not len(log_time):
-            return None
-        keys = _keys(log_time, sequence, payloads)
-        later = bool(log_time.min() > self._newest)
-        self._newest = max(self._newest, int(log_time.max()))
-        first = None
-        if not (later and bool((np.diff(log_time) > 0).all())):
-            first = self._first(keys, later)
-        self._recent.append(keys if first is None else keys[first])
-        return first
-
-    def _first(self, keys: Keys, later: bool) -> NDArray[np.bool_] | None:
-        first = np.zeros(len(keys), bool)
-        first[np.unique(keys, return_index=True)[1]] = True
-        if not later:
-            # Sorting is fast, because most of the array is already sorted.
-            self._known = np.sort(np.concatenate([self._known, *self._recent]), kind='stable')
-            self._recent.clear()
-            place = np.searchsorted(self._known, keys)
-            first &= np.append(self._known, 0)[place] != keys
-        return None if first.all() else first
-
-
-def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads) -> Keys:
-    """Return one hash per message; two messages have equal hashes with probability 2^-64."""
-    keys = log_time.astype(np.uint64) * _MIX_TIME ^ sequence.astype(np.uint64) * _MIX_SEQUENCE
-    return keys ^ payloads.hashes()
-
-
 _LOOSE_LIMIT = 2**20  # bytes per block of messages outside chunks
 _LOOSE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 
 
-@dataclass(frozen=True)
-class RecordRun:
+class RecordRun(NamedTuple):
     """Consecutive schema, channel and message records, from one chunk or outside of chunks."""
 
     records: bytes
-    place: str
+    place: str = ''  # of a complete chunk
     indexed: int = 0  # messages that the index after the chunk lists
 
 
@@ -118,18 +65,7 @@ class McapFile(BagFile):
         self._summary = summary
         self._report = DamageReport(self.path)
         self._topics = McapTopics(summary.channels, self._report)
-        self._repeated: dict[str, RepeatedMessages] = {}
-
-    @property
-    def types(self) -> dict[str, str]:  # type: ignore[override]
-        """Message type of every topic found so far."""
-        return self._topics.types
-
-    @property
-    def counts(self) -> dict[str, int] | None:  # type: ignore[override]
-        """Number of messages per topic that the file states; None if unknown."""
-        counts = self._summary.counts
-        return None if counts is None else self._topics.by_topic(counts)
+        self._digests: set[tuple[int, int]] = set()  # of the chunks so far
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """Yield blocks of messages of `topics` in file order; None selects all topics.
@@ -171,20 +107,20 @@ class McapFile(BagFile):
                 yield from self._chunk(stream, chunk, indexed)
             chunk, indexed = None, 0
             if record.opcode == Opcode.CHUNK:
-                yield RecordRun(bytes(loose), '')
+                yield RecordRun(bytes(loose))
                 loose.clear()
                 chunk = record
             elif record.opcode in _LOOSE:
                 content = self._content(stream, record)
                 loose += RECORD.pack(record.opcode, len(content)) + content if content else b''
                 if len(loose) > _LOOSE_LIMIT:
-                    yield RecordRun(bytes(loose), '')
+                    yield RecordRun(bytes(loose))
                     loose.clear()
             elif record.opcode == Opcode.STATISTICS:
                 self._take_counts(self._content(stream, record))
         if chunk:
             yield from self._chunk(stream, chunk, indexed)
-        yield RecordRun(bytes(loose), '')
+        yield RecordRun(bytes(loose))
 
     def _indexed(self, stream: BinaryIO, record: McapRecord, chunk: McapRecord | None) -> int:
         """Return how many messages of a chunk an index record lists; report a wrong index."""
@@ -222,27 +158,37 @@ class McapFile(BagFile):
         return stream.read(record.length)
 
     def _chunk(self, stream: BinaryIO, record: McapRecord, indexed: int) -> Iterator[RecordRun]:
-        """Yield the records of an intact chunk; report a damaged chunk."""
+        """Yield the records of an intact chunk; report a damaged or repeated chunk."""
         place = f'the chunk at byte {record.start}'
+        listed = f' with {indexed} messages' if indexed else ''
         try:
-            chunk = McapChunk.read(self._content(stream, record))
-            if record.whole:
-                yield RecordRun(chunk.records(self._budget), place, indexed)
-            else:
-                yield RecordRun(chunk.beginning(self._budget), '')
-        except ChunkError as error:
+            content = self._content(stream, record)
+            chunk = read_chunk(content, self._budget, whole=record.whole)
+        except BagError:
+            raise
+        except ValueError as error:
             if record.whole:  # otherwise the truncated end was reported
-                listed = f' with {indexed} messages' if indexed else ''
                 self._report.add(
                     f'{place}{listed} ({record.length} bytes) is damaged and ignored: {error}',
                     record.length,
                 )
+            return
+        if chunk.digest in self._digests:
+            self._report.add(
+                f'{place}{listed} ({record.length} bytes) is stored twice: the reader returns its '
+                'messages once'
+            )
+            return
+        self._digests.add(chunk.digest)
+        yield RecordRun(chunk.records, *((place, indexed) if record.whole else ()))
 
     def _blocks_of(self, run: RecordRun, topics: Collection[str] | None) -> Iterator[MessageBlock]:
         records = run.records
         starts, definitions, unread = walk(records, self._budget)
         for opcode, content in definitions:
             self._topics.register(opcode, content)
+        self.types = self._topics.types
+        self.counts = self._topics.by_topic(self._summary.counts)
         if unread and run.place:
             self._report.add(
                 f'in {run.place}, the {unread} bytes after {len(starts)} messages are not '
@@ -255,34 +201,20 @@ class McapFile(BagFile):
                 f'{len(starts)} messages'
             )
         headers = elements_at(records, MESSAGE_HEADER, starts)
-        for index, own in self._topics.groups(headers['channel']):
-            if index < 0:
+        for topic, own in self._topics.groups(headers['channel']):
+            if not topic:
                 self._report.add(f'the reader ignores {len(own)} messages without a known topic')
-            elif topics is None or self._topics.names[index] in topics:
-                yield from self._block(
-                    self._topics.names[index], records, headers[own], starts[own]
-                )
+            elif topics is None or topic in topics:
+                yield from self._block(topic, records, headers[own], starts[own]).parts()
 
     def _block(
         self, topic: str, records: bytes, headers: NDArray[np.void], starts: NDArray[np.int64]
-    ) -> Iterator[MessageBlock]:
+    ) -> MessageBlock:
         payload_sizes = headers['length'].astype(np.int64) + RECORD.size - MESSAGE_HEADER.itemsize
-        block = MessageBlock(
+        return MessageBlock(
             topic,
-            self.types[topic],
+            self._topics.types[topic],
             headers['log_time'].astype(np.int64),
             headers['sequence'].astype(np.int64),
             Payloads(records, starts + MESSAGE_HEADER.itemsize, payload_sizes),
         )
-        repeated = self._repeated.setdefault(topic, RepeatedMessages())
-        for part in block.parts():
-            first = repeated.first_ones(part.log_time, part.sequence, part.payloads)
-            if first is None:
-                yield part
-                continue
-            self._report.add(
-                f'{len(first) - int(first.sum())} messages of {topic} are stored twice; the '
-                'reader returns each message once'
-            )
-            if first.any():
-                yield part.chosen(first)

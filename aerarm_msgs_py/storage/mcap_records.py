@@ -2,18 +2,13 @@
 
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from aerarm_msgs_py.storage.compressed_file import (
-    DecompressionError,
-    beginning,
-    check_claim,
-    decompress,
-)
+from aerarm_msgs_py.storage.compressed_file import decompress
 from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, ReadBudget
 
 
@@ -48,86 +43,51 @@ class RecordFields:
         return self._content[self.position - size : self.position]
 
 
-class ChunkError(ValueError):
-    """A chunk of an MCAP file is damaged."""
-
-
-@dataclass(frozen=True)
-class McapChunk:
-    """Content of a chunk record of an MCAP file.
+class ChunkContent(NamedTuple):
+    """Decompressed records of a chunk, and a number that identifies equal chunks.
 
     Attributes
     ----------
-    compression
-        'zstd', 'lz4', or '' for no compression.
-    size
-        Declared size of the uncompressed records [bytes].
-    crc
-        Checksum of the uncompressed records; 0 for none.
-    data
-        Compressed records; fewer than `data_size` bytes if the chunk is truncated.
-    data_size
-        Declared size of the compressed records [bytes].
+    records
+        Schema, channel and message records.
+    digest
+        Size and checksum of the records of the complete chunk.
     """
 
-    compression: str
-    size: int
-    crc: int
-    data: bytes
-    data_size: int
+    records: bytes
+    digest: tuple[int, int]
 
-    @classmethod
-    def read(cls, content: bytes) -> 'McapChunk':
-        """Parse a chunk record.
 
-        Raises
-        ------
-        ChunkError
-            If the record ends before its data begins.
-        """
-        fields = RecordFields(content)
-        try:
-            fields.take(16)  # first and last time, which the messages contain too
-            size, crc = fields.number(8), fields.number(4)
-            compression, data_size = fields.text(), fields.number(8)
-        except ValueError as error:
-            raise ChunkError(str(error)) from None
-        return cls(compression, size, crc, fields.take(min(data_size, fields.left)), data_size)
+def read_chunk(content: bytes, budget: ReadBudget, *, whole: bool) -> ChunkContent:
+    """Decompress a chunk record; only its beginning if the record is truncated.
 
-    def records(self, budget: ReadBudget) -> bytes:
-        """Return the decompressed records of a complete chunk.
-
-        Raises
-        ------
-        ChunkError
-            If the data is damaged, its size differs from the declared size, or the checksum is
-            wrong.
-        BagError
-            If the records exceed the remaining limits of the bag.
-        """
-        try:
-            if len(self.data) < self.data_size:
-                raise ChunkError(f'the chunk is {self.data_size - len(self.data)} bytes too short')
-            if self.size > budget.part_bytes:
-                raise ChunkError(
-                    f'the chunk states a size of {self.size} bytes, above the limit of '
-                    f'{budget.part_bytes} bytes (see the bag limits part_bytes and ratio)'
-                )
-            check_claim(self.data, self.compression, self.size)
-            if self.compression:
-                budget.spend(self.size)
-            records = decompress(self.data, self.compression, self.size)
-        except DecompressionError as error:
-            raise ChunkError(str(error)) from None
-        if self.crc and zlib.crc32(records) != self.crc:
-            raise ChunkError('the content of the chunk does not match its checksum')
-        return records
-
-    def beginning(self, budget: ReadBudget) -> bytes:
-        """Return the decompressed beginning of a truncated chunk; may be empty."""
-        most = min(self.size, budget.part_bytes)
-        budget.spend(most if self.compression else 0)
-        return beginning(self.data, self.compression, most)
+    Raises
+    ------
+    ValueError
+        If the chunk is damaged, or exceeds the limit `part_bytes`.
+    BagError
+        If the records exceed the remaining limits of the bag.
+    """
+    fields = RecordFields(content)
+    fields.take(16)  # first and last time, which the messages contain too
+    size, crc = fields.number(8), fields.number(4)
+    compression, data_size = fields.text(), fields.number(8)
+    data = fields.take(data_size if whole else min(data_size, fields.left))
+    if size > budget.part_bytes:
+        raise ValueError(
+            f'the chunk states a size of {size} bytes, above the limit of {budget.part_bytes} '
+            'bytes (see the bag limits part_bytes and ratio)'
+        )
+    records = decompress(data, compression, size + 1)
+    budget.spend(len(records) if compression else 0)
+    if not whole:
+        return ChunkContent(records, (size, crc))
+    if len(records) != size:
+        raise ValueError(f'its {len(data)} bytes of data do not contain the stated {size} bytes')
+    found = zlib.crc32(records)
+    if crc and found != crc:
+        raise ValueError('the content of the chunk does not match its checksum')
+    return ChunkContent(records, (size, found))
 
 
 _CHANNELS = 2**16
@@ -151,14 +111,11 @@ class McapTopics:
 
     Attributes
     ----------
-    names
-        Names of the topics found so far.
     types
-        Message type of each topic, by name.
+        Message type of each topic found so far, by name.
     """
 
     def __init__(self, channels: dict[int, str], report: DamageReport) -> None:
-        self.names: list[str] = []
         self.types: dict[str, str] = {}
         self._places: dict[str, int] = {}
         self._schemas: dict[int, str] = {0: ''}
@@ -192,10 +149,8 @@ class McapTopics:
         elif self._index[number] != _CONTRADICTED:
             self._index[number] = self._place(topic, self._schemas.get(schema, ''))
 
-    def groups(self, channels: NDArray[np.uint16]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-        """Yield, for each topic, its index in `names` and the indices of its messages.
-
-        The index is negative for messages of an unknown topic.
+    def groups(self, channels: NDArray[np.uint16]) -> Iterator[tuple[str, NDArray[np.intp]]]:
+        """Yield the name of each topic, '' for unknown topics, and the indices of its messages.
 
         Parameters
         ----------
@@ -207,11 +162,15 @@ class McapTopics:
         places = self._index[channels]
         order = np.argsort(places, kind='stable')
         found, firsts = np.unique(places[order], return_index=True)
-        yield from zip(found.tolist(), np.split(order, firsts[1:]), strict=True)
+        names = list(self._places)
+        for place, messages in zip(found.tolist(), np.split(order, firsts[1:]), strict=True):
+            yield names[place] if place >= 0 else '', messages
 
-    def by_topic(self, counts: dict[int, int]) -> dict[str, int]:
+    def by_topic(self, counts: dict[int, int] | None) -> dict[str, int] | None:
         """Convert numbers of messages per channel to numbers of messages per topic."""
-        found = dict.fromkeys(self.names, 0)
+        if counts is None:
+            return None
+        found = dict.fromkeys(self._places, 0)
         for channel, count in counts.items():
             topic = self._claimed.get(channel, '')
             found[topic] = found.get(topic, 0) + count
@@ -226,12 +185,9 @@ class McapTopics:
         self._index[number] = _CONTRADICTED
 
     def _place(self, topic: str, kind: str) -> int:
-        if topic not in self.types:
-            if len(self.names) == MOST_TOPICS:
-                raise BagError(
-                    f'the bag has more than {MOST_TOPICS} topics: check whether it is damaged'
-                )
-            self._places[topic] = len(self.names)
-            self.names.append(topic)
+        if topic not in self.types and len(self.types) == MOST_TOPICS:
+            raise BagError(
+                f'the bag has more than {MOST_TOPICS} topics: check whether it is damaged'
+            )
         self.types[topic] = kind
-        return self._places[topic]
+        return self._places.setdefault(topic, len(self._places))

@@ -28,7 +28,6 @@ MESSAGE_HEADER = np.dtype(
 )
 """Format of the first fields of a message record, which precede the payload."""
 
-_INDEX_HEADER = struct.Struct('<HI')  # channel, bytes of the entries
 _INDEX_ENTRY_SIZE = 16
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 _DEFINITION_COST = 500  # bytes counted per definition, for its memory and reading time
@@ -36,12 +35,13 @@ _DEFINITION_COST = 500  # bytes counted per definition, for its memory and readi
 
 def indexed_messages(content: bytes) -> int | None:
     """Return how many messages an index record lists; None if the record is damaged."""
-    if len(content) < _INDEX_HEADER.size:
+    fields = RecordFields(content)
+    try:
+        fields.take(2)  # channel
+        count, rest = divmod(len(fields.take(fields.number(4))), _INDEX_ENTRY_SIZE)
+    except ValueError:
         return None
-    _, size = _INDEX_HEADER.unpack_from(content)
-    if size % _INDEX_ENTRY_SIZE or _INDEX_HEADER.size + size != len(content):
-        return None
-    return int(size) // _INDEX_ENTRY_SIZE
+    return None if rest or fields.left else count
 
 
 def walk(
@@ -179,26 +179,9 @@ def read_counts(fields: RecordFields) -> dict[int, int]:
 
 
 _PRIVATE = 128  # first opcode for private records
-_SMALLEST_CHUNK = 40  # bytes of its fields
-_OF_SUMMARY = (
-    Opcode.STATISTICS,
-    Opcode.CHUNK_INDEX,
-    Opcode.ATTACHMENT_INDEX,
-    Opcode.METADATA_INDEX,
-    Opcode.SUMMARY_OFFSET,
-)
-_IN_DATA = (
-    Opcode.HEADER,
-    Opcode.SCHEMA,
-    Opcode.CHANNEL,
-    Opcode.MESSAGE,
-    Opcode.CHUNK,
-    Opcode.MESSAGE_INDEX,
-    Opcode.ATTACHMENT,
-    Opcode.METADATA,
-    Opcode.DATA_END,
-)
-_SMALLEST = {Opcode.CHUNK: _SMALLEST_CHUNK, Opcode.MESSAGE: MESSAGE_HEADER.itemsize - RECORD.size}
+_KINDS = frozenset(map(int, Opcode))
+_SIZES = {Opcode.FOOTER: FOOTER_SIZE, Opcode.DATA_END: 4}
+_SMALLEST = {Opcode.CHUNK: 40, Opcode.MESSAGE: MESSAGE_HEADER.itemsize - RECORD.size}
 
 
 class McapRecord(NamedTuple):
@@ -248,23 +231,18 @@ class McapWalk:
 
     def __iter__(self) -> Iterator[McapRecord]:
         position: int | None = len(MAGIC)
-        in_summary = False
         while position is not None:
             self._stream.seek(position)
             head = self._stream.read(RECORD.size)
             opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
             follows = position + RECORD.size + length
-            sound = follows <= self._size and self._is_sound(opcode, length, in_summary)
-            if sound and opcode == Opcode.FOOTER:
-                if self._ends_at(follows):
+            if follows <= self._size and self._is_sound(opcode, length):
+                if opcode == Opcode.FOOTER and self._ends_at(follows):
                     return
-                sound = False
-            if sound:
-                in_summary = in_summary or opcode == Opcode.DATA_END
-                if opcode < _PRIVATE:
-                    yield McapRecord(opcode, position, length)
-                else:
+                if opcode >= _PRIVATE:
                     self._report_unknown(position, opcode, length)
+                elif opcode != Opcode.FOOTER:
+                    yield McapRecord(opcode, position, length)
                 position = follows
                 continue
             if (next_chunk := self._chunk_behind(position)) is None:
@@ -273,15 +251,11 @@ class McapWalk:
                     yield McapRecord(opcode, position, self._size - position - RECORD.size, False)
             position = next_chunk
 
-    def _is_sound(self, opcode: int, length: int, in_summary: bool) -> bool:
-        """Return whether a record of this kind and length may occur in this part of the file."""
-        if opcode == Opcode.FOOTER:
-            return length == FOOTER_SIZE
-        if opcode == Opcode.DATA_END:
-            return length == 4
-        if opcode in _OF_SUMMARY:
-            return in_summary
-        return opcode >= _PRIVATE or opcode in _IN_DATA and length >= _SMALLEST.get(opcode, 0)
+    def _is_sound(self, opcode: int, length: int) -> bool:
+        """Return whether a record of this kind may have this length."""
+        is_known = opcode >= _PRIVATE or opcode in _KINDS
+        is_long_enough = length >= _SMALLEST.get(opcode, 0)
+        return is_known and is_long_enough and length == _SIZES.get(opcode, length)
 
     def _ends_at(self, position: int) -> bool:
         self._stream.seek(position)

@@ -12,9 +12,7 @@ from pathlib import Path
 
 import rclpy
 
-from aerarm_ros.link.sealed import make_key, read_key
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.link.link_ends import CONTINUE, DRONE, GROUND, HOME, STOP, DroneEnd, GroundEnd
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
@@ -29,8 +27,8 @@ from aerarm_ros.ros.process.shared_ports import PortWatch
 NAME = 'ground_link'
 
 PARAMETERS = ParameterTable(
-    Parameter('role', DRONE, 'role of the computer on which this node runs: drone or ground',
-    choices=(DRONE, GROUND)),
+    Parameter('role', 'drone', 'role of the computer on which this node runs: drone or ground',
+        choices=('drone', 'ground')),
     Parameter('drone', '', "network address of the drone's computer, for the node on the "
                            'ground only'),
     Parameter('ground', '',
@@ -50,9 +48,9 @@ PARAMETERS = ParameterTable(
     Parameter('ground_timeout', 0.0,
         'time without messages from the ground after which ground_lost applies; 0 for never',
         's', 0.0, 3600.0),
-    Parameter('ground_lost', STOP,
+    Parameter('ground_lost', 'stop',
         "reaction of the arm if messages from the ground stop: 'continue' the motion, 'stop' "
-        "along the path, or return 'home'", choices=(CONTINUE, STOP, HOME)),
+        "along the path, or return 'home'", choices=('continue', 'stop', 'home')),
     Parameter('bags', '~/aerarm_bags',
         'folder for bags that the ground computer requests, for the node on the drone only'),
     Parameter('fetch_rate', 4.0,
@@ -78,12 +76,16 @@ class GroundLink:
     """
 
     def __init__(self) -> None:
+        # Only a running node needs these imports, which take most of the time of --help.
+        from aerarm_ros.link.sealed import make_key, read_key
+        from aerarm_ros.ros.link.link_ends import DroneEnd, GroundEnd
+
         self.status = 0
         self._is_over = False
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
         path = Path(values.key_file).expanduser()
-        is_drone = values.role == DRONE
+        is_drone = values.role == 'drone'
         if is_drone and not path.exists():
             make_key(path)
             self._node.get_logger().info(

@@ -24,13 +24,7 @@ from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.node_process import is_on_this_host
 from aerarm_ros.ros.process.process_end import StopSignals
-from aerarm_ros.ros.recording import (
-    SUITE_TOPICS,
-    BagFeed,
-    LossWatch,
-    find_topics,
-    receive_buffer_problem,
-)
+from aerarm_ros.ros.recording import SUITE_TOPICS, BagFeed, find_topics, receive_buffer_problem
 
 NAME = 'recorder'
 PARAMETERS = ParameterTable(
@@ -75,15 +69,11 @@ class Recorder:
         values = PARAMETERS.declare(self._node)
         topics = find_topics(values.topics)
         self._depth = values.depth
-        self._losses = LossWatch(values.depth)
         self._directory = values.bag or f'recording_{datetime.now():%Y%m%d_%H%M%S}'
-        subscribed = [topic.queued(values.depth) for topic in topics]
-        self._feed = BagFeed(
-            self._node, topics, subscribed, self._directory, values.compression, self._losses
-        )
+        self._feed = BagFeed(self._node, topics, values.depth, self._directory, values.compression)
         self._streams = sum(topic.qos == NEWEST for topic in topics)
         self._until = RECORDED_UNTIL.publisher(self._node)
-        self._check = PublisherCheck(self._node, subscribed)
+        self._check = PublisherCheck(self._node, topics)
         self._sources = DuplicatePublisherCheck(self._node, JOINT_STATES)
         self._status_publisher = RECORDER_STATUS.publisher(self._node)
         self._diagnostics = DiagnosticsPublisher(self._node)
@@ -166,12 +156,13 @@ class Recorder:
 
     def _report(self) -> None:
         """Publish the state of the recording on /diagnostics, and log newly lost messages."""
+        self._warn_of_losses()
         counts = self._feed.message_counts()
-        for news in self._losses.news():
-            self._node.get_logger().warning(news)
         losing = {name: lost for name, (_, lost) in counts.items() if lost}
         names = ', '.join(losing)
         problem = f'{sum(losing.values())} messages of {names} were lost'
+        if self._feed.losses.cause:
+            problem += f' (cause of the last loss: {self._feed.losses.cause})'
         messages, size = self._feed.written()
         values = {
             'bag': self._directory,
@@ -183,9 +174,12 @@ class Recorder:
         }
         self._diagnostics.report(problem if losing else '', values)
 
+    def _warn_of_losses(self) -> None:
+        for text in self._feed.losses.news():
+            self._node.get_logger().warning(text)
+
     def _log_counts(self) -> None:
-        for news in self._losses.news():
-            self._node.get_logger().warning(news)
+        self._warn_of_losses()
         counts = self._feed.message_counts()
         for name, (count, lost) in counts.items():
             self._log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost', lost)

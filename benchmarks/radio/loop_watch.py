@@ -50,13 +50,8 @@ class Account:
 
     def row(self) -> dict[str, object]:
         """Return the statistics."""
-        span = 1e-9 * (self.last_ns - self.first_ns)
-        return {
-            'states': self.states,
-            'span': span,
-            'longest': 1e-9 * self.longest_ns,
-            'gaps': self.gaps,
-        }
+        span, longest = 1e-9 * (self.last_ns - self.first_ns), 1e-9 * self.longest_ns
+        return {'states': self.states, 'span': span, 'longest': longest, 'gaps': self.gaps}
 
 
 def main() -> None:
@@ -65,9 +60,7 @@ def main() -> None:
     use_packaged_profile()
     rclpy.init()
     node = rclpy.create_node('loop_watch')
-    reader = RawReader(
-        node, topics.JOINT_STATES.queued(_DEPTH), topics.DIAGNOSTICS.queued(100), identify=True
-    )
+    reader = RawReader(node, topics.JOINT_STATES.queued(_DEPTH), topics.DIAGNOSTICS.queued(100))
     account, missed, lost = Account(), 0, 0
     has_told = False
     while rclpy.ok():

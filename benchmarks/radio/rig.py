@@ -179,8 +179,8 @@ class Rig:
         # As prompt as what it measures: other work on this machine must not count.
         start = ('chrt', '-f', '20', sys.executable, '-m', 'aerarm_ros.executables', 'arm')
         place = self.hosts.ground if host == 'ground' else self.hosts.drone
-        return self.hosts.start(
-            place, *start, *words, environment=self._environment(place), log=log, cwd=self.folder
+        return place.start(
+            *start, *words, environment=self._environment(place), log=log, cwd=self.folder
         )
 
     def start_controller(self, name: str = 'computed_torque') -> None:
@@ -188,10 +188,6 @@ class Rig:
         if self._controller is not None:
             stop([self._controller])
         self._controller = self._node(self.hosts.drone, name, realtime_priority=45)
-
-    def start_on_ground(self, name: str, *words: str, **parameters: object) -> object:
-        """Start an executable on the ground."""
-        return self._node(self.hosts.ground, name, **parameters)
 
     def restart_drone_link(self, **link: object) -> None:
         """Restart ground_link on the drone with other parameters."""
@@ -254,14 +250,8 @@ class Rig:
 
     def _node(self, host: Host, name: str, **parameters: object) -> subprocess.Popen[str]:
         given = [word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
-        return self.hosts.node(
-            host,
-            name,
-            '--ros-args',
-            *given,
-            environment=self._environment(host),
-            folder=self.folder,
-        )
+        environment = self._environment(host)
+        return host.node(name, '--ros-args', *given, environment=environment, folder=self.folder)
 
     def _environment(self, host: Host) -> dict[str, str]:
         # Not for the watchers, whose times are compared with this process's.
@@ -271,9 +261,7 @@ class Rig:
         log = self.folder / f'{host.name}_{name}.log'
         # As prompt as what it measures: other work on this machine must not count.
         command = ('chrt', '-f', '30', sys.executable, str(HERE / f'{name}.py'), *words)
-        process = self.hosts.start(
-            host, *command, environment=DOMAIN, log=log, stdin=subprocess.PIPE
-        )
+        process = host.start(*command, environment=DOMAIN, log=log, stdin=subprocess.PIPE)
         return Speaker(process, log)
 
 

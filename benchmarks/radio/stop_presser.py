@@ -15,6 +15,7 @@ import json
 import select
 import sys
 import time
+from typing import Any
 
 import rclpy
 from builtin_interfaces.msg import Duration
@@ -33,22 +34,27 @@ def say(**row: object) -> None:
     print(json.dumps({'time': time.monotonic(), **row}), flush=True)
 
 
+def received(node: Node, topic: topics.Topic, seconds: float = 0.0) -> list[Any]:
+    """Return the messages of a topic within a time [s]; at least one."""
+    came: list[Any] = []
+    subscription = topic.subscription(node, came.append)
+    end = time.monotonic() + seconds
+    while not came or time.monotonic() < end:
+        rclpy.spin_once(node, timeout_sec=0.02)
+    node.destroy_subscription(subscription)
+    return came
+
+
 def joint_state(node: Node) -> dict[str, list[float]]:
     """Return position [rad] and velocity [rad/s] of the next joint states."""
-    message = newest(node)
+    message = received(node, topics.JOINT_STATES)[0]
     return {'position': list(message.position), 'velocity': list(message.velocity)}
 
 
 def diagnostics(node: Node) -> dict[str, float]:
     """Return the drone's clock minus the ground's [ms] and the largest latency [us] of 2.5 s."""
     offset, latency = float('nan'), float('-inf')
-    came: list[topics.DiagnosticArray] = []
-    topic = topics.DIAGNOSTICS
-    subscription = node.create_subscription(topic.type, topic.name, came.append, topic.qos)
-    end = time.monotonic() + 2.5
-    while time.monotonic() < end:
-        rclpy.spin_once(node, timeout_sec=0.02)
-    node.destroy_subscription(subscription)
+    came = received(node, topics.DIAGNOSTICS, 2.5)
     for status in (status for message in came for status in message.status):
         for item in status.values:
             if item.key == 'clock offset [ms]' and status.name == '/ground_link: ground side':
@@ -61,7 +67,7 @@ def diagnostics(node: Node) -> dict[str, float]:
 
 def sweep(node: Node) -> topics.JointTrajectory:
     """Return a trajectory that starts at the present posture."""
-    message = newest(node)
+    message = received(node, topics.JOINT_STATES)[0]
     begin, end = list(message.position), list(message.position)
     end[0] -= 1.0
     still = [0.0] * len(begin)
@@ -89,17 +95,6 @@ class StateWatch:
         self._last = now
 
 
-def newest(node: Node) -> topics.JointState:
-    """Return the next joint states message."""
-    came: list[topics.JointState] = []
-    topic = topics.JOINT_STATES
-    subscription = node.create_subscription(topic.type, topic.name, came.append, topic.qos)
-    while not came:
-        rclpy.spin_once(node, timeout_sec=0.02)
-    node.destroy_subscription(subscription)
-    return came[0]
-
-
 def main() -> None:
     """Process commands until standard input ends."""
     stay_on_this_host()
@@ -110,12 +105,8 @@ def main() -> None:
         name: node.create_client(Trigger, f'fake_hardware/{service}')
         for name, service in SERVICES.items()
     }
-    topic = topics.JOINT_TRAJECTORY
-    trajectories = node.create_publisher(topic.type, topic.name, topic.offered)
-    topic = topics.ARM_MODE
-    node.create_subscription(
-        topic.type, topic.name, lambda message: say(mode=message.data), topic.qos
-    )
+    trajectories = topics.JOINT_TRAJECTORY.publisher(node)
+    topics.ARM_MODE.subscription(node, lambda message: say(mode=message.data))
     while not all(client.service_is_ready() for client in clients.values()):
         rclpy.spin_once(node, timeout_sec=0.02)
     if sys.argv[1:] == ['watch']:
@@ -128,19 +119,14 @@ def main() -> None:
             if not line:
                 return
             say(called=line)
-            if line == 'state':
-                say(**joint_state(node))
-                continue
-            if line == 'diagnostics':
-                say(**diagnostics(node))
-                continue
-            if line == 'sweep':
+            if line in ('state', 'diagnostics'):
+                say(**(joint_state if line == 'state' else diagnostics)(node))
+            elif line == 'sweep':
                 trajectories.publish(sweep(node))
-                continue
-            future = clients[line].call_async(Trigger.Request())
-            future.add_done_callback(
-                lambda done: say(answer=done.result().success, text=done.result().message)
-            )
+            else:
+                clients[line].call_async(Trigger.Request()).add_done_callback(
+                    lambda done: say(answer=done.result().success, text=done.result().message)
+                )
 
 
 if __name__ == '__main__':

@@ -55,6 +55,7 @@ class Host:
     def __init__(self, name: str, address: str) -> None:
         self.name = name
         self.address = address
+        self._processes: list[subprocess.Popen[str]] = []
         command = ['unshare', '-n', '-i', '-u', '-m', 'sh', '-c', _SET_UP.format(name=name)]
         self._keeper = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert self._keeper.stdout is not None
@@ -79,24 +80,36 @@ class Host:
     def start(
         self,
         *words: str,
-        environment: Mapping[str, str] | None = None,
+        environment: Mapping[str, str],
         log: Path | None = None,
         cwd: Path | None = None,
-        **options: object,
+        stdin: int = subprocess.DEVNULL,
+        stdout: int | None = None,
     ) -> subprocess.Popen[str]:
-        """Start a command on this host, in a folder; its output goes to `log` if given."""
+        """Start a command on this host until `close`; its output goes to `log` if given."""
         stream = None if log is None else log.open('w')
-        if stream is not None:
-            options |= {'stdout': stream, 'stderr': subprocess.STDOUT}
-        return subprocess.Popen(
+        process = subprocess.Popen(
             self.command(*words, cwd=cwd),
-            env={**os.environ, **(environment or {})},
+            env={**os.environ, **environment},
             text=True,
-            **options,
+            stdin=stdin,
+            stdout=stream or stdout,
+            stderr=None if stream is None else subprocess.STDOUT,
         )
+        self._processes.append(process)
+        return process
+
+    def node(
+        self, name: str, *words: str, environment: Mapping[str, str], folder: Path
+    ) -> subprocess.Popen[str]:
+        """Start an executable of the package; its output goes to FOLDER/HOST_NAME.log."""
+        command = (sys.executable, '-m', 'aerarm_ros.executables', name, *words)
+        log = folder / f'{self.name}_{name}.log'
+        return self.start(*command, environment=environment, log=log)
 
     def close(self) -> None:
-        """End the keeper process; the namespaces end with their last process."""
+        """End all started processes; the namespaces end with their last process."""
+        stop(self._processes)
         self._keeper.kill()
         self._keeper.wait()
 
@@ -111,7 +124,6 @@ class TwoHosts:
     """
 
     def __init__(self) -> None:
-        self._processes: list[subprocess.Popen[str]] = []
         self.drone, self.ground = Host('drone', DRONE), Host('ground', GROUND)
         ends = [f'{side}{os.getpid()}' for side in 'dg']
         _ip('link', 'add', ends[0], 'type', 'veth', 'peer', 'name', ends[1])
@@ -137,37 +149,9 @@ class TwoHosts:
         fields = next(line.split() for line in table if line.strip().startswith(f'{RADIO}:'))
         return int(fields[9]), int(fields[10])
 
-    def start(
-        self,
-        host: Host,
-        *words: str,
-        environment: Mapping[str, str],
-        log: Path,
-        stdin: int = subprocess.DEVNULL,
-        cwd: Path | None = None,
-    ) -> subprocess.Popen[str]:
-        """Start a command on a host, to be ended by `close`."""
-        process = host.start(*words, environment=environment, log=log, cwd=cwd, stdin=stdin)
-        self._processes.append(process)
-        return process
-
-    def node(
-        self,
-        host: Host,
-        name: str,
-        *words: str,
-        environment: Mapping[str, str] | None = None,
-        folder: Path,
-    ) -> subprocess.Popen[str]:
-        """Start an executable of the package on a host; its output goes to FOLDER/NAME.log."""
-        command = (sys.executable, '-m', 'aerarm_ros.executables', name, *words)
-        log = folder / f'{host.name}_{name}.log'
-        return self.start(host, *command, environment=environment or {}, log=log)
-
     def close(self) -> None:
-        """End all started processes, and both hosts."""
-        stop(self._processes)
-        for host in (self.drone, self.ground):
+        """End both hosts."""
+        for host in (self.ground, self.drone):
             host.close()
 
     def __enter__(self) -> TwoHosts:

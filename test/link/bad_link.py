@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Callable
+from pathlib import Path
 
 from aerarm_ros.link.connection import PROMPT, Connection, Received, SentMessage
 
@@ -70,3 +71,9 @@ class Link:
 
     def payloads(self, side: str) -> list[bytes]:
         return [received.payload for _, received in self.came[side]]
+
+
+def same(one: Path, other: Path) -> bool:
+    """Return whether two folders contain the same files."""
+    files = [{path.name: path.read_bytes() for path in folder.iterdir()} for folder in (one, other)]
+    return files[0] == files[1]

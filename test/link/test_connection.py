@@ -6,31 +6,37 @@ from math import inf
 import pytest
 from bad_link import KEY, TICK, Link
 
-from aerarm_ros.link.connection import BULK, MESSAGE_MAX, PROMPT, URGENT, Connection
+from aerarm_ros.link.connection import BULK, MESSAGE_MAX, URGENT, Connection
 
 
-@pytest.fixture(params=[0.0, 0.05, 0.2], ids=lambda loss: f'{loss:.0%} loss')
-def link(request: pytest.FixtureRequest) -> Link:
-    link = Link(request.param)
+def connected(**link) -> Link:
+    link = Link(**link)
     link.run(5.0, lambda: link.drone.is_joined and link.ground.is_joined)
     return link
 
 
-def test_messages_arrive_once_and_in_order(link: Link) -> None:
-    sent = [bytes([k]) * (1 + 37 * k) for k in range(60)]
+@pytest.fixture(params=[0.0, 0.05, 0.2], ids=lambda loss: f'{loss:.0%} loss')
+def link(request: pytest.FixtureRequest) -> Link:
+    return connected(loss=request.param)
+
+
+def test_messages_arrive_once_in_order_and_cannot_be_read_on_the_way(link: Link) -> None:
+    sent = [b'secret' + bytes([k]) * (1 + 37 * k) for k in range(60)]
     for payload in sent:
         link.drone.send(3, payload, BULK)
         link.run(0.05)
-    link.run(5.0, lambda: not link.drone.waiting)
+    sent.append(random.Random(3).randbytes(400_000))  # hundreds of parts
+    link.drone.send(3, sent[-1])
+    link.run(60.0, lambda: not link.drone.waiting)
     assert link.payloads('ground') == sent
+    assert not any(b'secret' in datagram for _, datagram in link.spy)
 
 
 @pytest.mark.parametrize(('loss', 'limit'), [(0.05, 0.15), (0.2, 0.3)])
 def test_an_urgent_message_arrives_in_99_of_100_within(loss: float, limit: float) -> None:
     times = []
     for seed in range(100):
-        link = Link(loss, seed=seed)
-        link.run(5.0, lambda link=link: link.ground.is_joined and link.drone.is_joined)
+        link = connected(loss=loss, seed=seed)
         link.ground.send(1, b'stop', URGENT)
         times.append(link.run(5.0, lambda link=link: link.came['drone']))
     assert sorted(times)[98] < limit
@@ -57,6 +63,48 @@ def test_a_command_that_expired_in_a_cut_never_arrives(link: Link) -> None:
     link.run(5.0, lambda: link.came['drone'])
     assert link.payloads('drone') == [b'stay']
     assert message.is_expired and not message.is_confirmed
+
+
+@pytest.mark.parametrize(('cut', 'up', 'both'), [(61.0, 3.0, 0.01), (0.0, 0.0, 3.0)])
+def test_a_command_that_waited_in_the_radio_is_not_taken(cut, up, both) -> None:
+    link = connected()
+    link.run(2.0)
+    link.cut(cut)
+    link.is_cut, link.up_delay, link.delay = False, up, both
+    link.go()
+    link.run(10.0)
+    assert link.payloads('drone') == []
+
+
+def test_commands_pass_after_long_cuts_old_stops_and_a_longer_delay() -> None:
+    for stops in (1, 2):  # kept during the cut
+        link = connected()
+        link.run(3.0)
+        link.cut(1.0)
+        for _ in range(stops):
+            link.ground.send(1, bytes(45), URGENT)
+        link.run(60.0)
+        link.is_cut = False
+        link.run(1.0, lambda link=link, stops=stops: len(link.came['drone']) == stops)
+        link.go(b'go' * 20)
+        link.run(2.0)
+        assert link.payloads('drone')[stops:] == [b'go' * 20]
+    link = connected()
+    link.cut(1.0)
+    link.now += 1e5
+    link.drift = 1.0  # 10 ppm in a day: each datagram seems to take a second longer
+    link.is_cut = False
+    link.go()
+    assert link.run(1.0, lambda: link.came['drone']) < 0.2
+    link = connected()
+    link.run(3.0)
+    link.delay = 0.62  # for good
+    link.run(120.0)
+    for _ in range(5):
+        link.go()
+        link.run(3.0)
+    assert link.payloads('drone') == [b'go'] * 5
+    assert link.drone.delay < 0.02
 
 
 def test_the_rate_stays_below_its_limit_whatever_is_sent(link: Link) -> None:
@@ -113,12 +161,6 @@ def test_recorded_or_forged_datagrams_are_rejected(link: Link) -> None:
     assert link.drone.receive(stranger.datagram(*link.clocks('ground')), *clocks) == []
     assert link.drone.last_received == -inf
     assert before > 0
-
-
-def test_a_payload_cannot_be_read_on_the_way(link: Link) -> None:
-    link.ground.send(1, b'a secret of the ground')
-    link.run(2.0, lambda: link.came['drone'])
-    assert not any(b'secret' in datagram for _, datagram in link.spy)
 
 
 def test_states_do_not_wait_behind_messages_queued_during_a_cut() -> None:
@@ -185,55 +227,30 @@ def test_the_backlog_is_bounded_and_keeps_urgent_messages(is_known: bool) -> Non
     assert len(came) == len(set(came))
 
 
-def test_a_command_that_waited_in_the_radio_through_a_minute_of_silence_is_not_taken() -> None:
-    link = Link()
-    link.run(2.0)
-    link.cut(61.0)
-    link.is_cut, link.up_delay = False, 3.0  # what the radio queued during the cut
-    link.go()
-    link.run(4.0)
-    assert link.payloads('drone') == []
-
-
-def test_delay_and_clock_are_right_at_once_after_a_minute_of_silence() -> None:
-    link = Link()
-    link.ahead = 30.0
-    link.run(5.0)
+@pytest.mark.parametrize('ahead', [0.0, 30.0])
+def test_old_datagrams_change_neither_clock_nor_delay(ahead: float) -> None:
+    link = connected()
+    link.ahead = ahead
+    link.run(12.0)
     link.cut(61.0)
     link.is_cut, link.delay = False, 3.0
-    link.run(0.5)
+    link.run(3.1)  # only datagrams of the radio's queue arrive
+    assert link.drone.last_received > link.clocks('drone')[0] - 0.2
+    assert link.drone.clock_offset == pytest.approx(-ahead, abs=6e-3)
+    assert link.drone.delay == pytest.approx(3.0, abs=0.02)
     link.delay = 0.01
-    link.run(3.0)  # 25 old datagrams arrive after the new ones
+    link.run(3.0)  # some old datagrams arrive after the new ones
     link.go()
     assert link.run(1.0, lambda: link.came['drone']) < 0.1
     link.run(0.1)
-    for end, ahead in ((link.ground, 30.0), (link.drone, -30.0)):
-        assert end.clock_offset == pytest.approx(ahead, abs=6e-3)
+    for end, offset in ((link.ground, ahead), (link.drone, -ahead)):
+        assert end.clock_offset == pytest.approx(offset, abs=6e-3)
         assert end.delay < 0.02
         assert end.round_trip < 0.06
 
 
-def test_a_drone_with_a_drifting_clock_obeys_after_a_long_silence() -> None:
-    link = Link()
-    link.run(2.0)
-    link.cut(1.0)
-    link.now += 1e5
-    link.drift = 1.0  # 10 ppm in a day: each datagram seems to take a second longer
-    link.is_cut = False
-    link.go()
-    assert link.run(1.0, lambda: link.came['drone']) < 0.2
-
-
-def test_a_message_of_hundreds_of_parts_arrives(link: Link) -> None:
-    payload = random.Random(3).randbytes(400_000)
-    link.drone.send(9, payload)
-    link.run(60.0, lambda: link.came['ground'])
-    assert link.payloads('ground') == [payload]
-
-
 def test_too_long_messages_are_dropped_and_counted() -> None:
-    link = Link()
-    link.run(2.0)
+    link = connected()
     assert link.drone.send(9, bytes(MESSAGE_MAX + 1)).is_expired
     link.drone.set_value(1, bytes(1300))
     link.run(1.0)
@@ -254,52 +271,3 @@ def test_a_backlog_of_long_messages_is_bounded() -> None:
     came = link.payloads('ground')
     assert came[-1] == b'newest'
     assert len(came) + link.drone.dropped == 21
-
-
-@pytest.mark.parametrize('stops', [1, 2])
-def test_commands_pass_as_soon_as_a_kept_urgent_message_is_delivered(stops: int) -> None:
-    link = Link()
-    link.run(3.0)
-    link.cut(1.0)
-    for _ in range(stops):
-        link.ground.send(1, bytes(45), URGENT)
-    link.run(60.0)
-    link.is_cut = False
-    link.run(1.0, lambda: len(link.came['drone']) == stops)
-    link.go(b'go' * 20)
-    link.run(2.0)
-    assert link.payloads('drone')[stops:] == [b'go' * 20]
-
-
-def test_commands_pass_again_after_the_delay_has_risen_for_good() -> None:
-    link = Link()
-    link.run(3.0)
-    link.delay = 0.62
-    link.run(120.0)
-    for _ in range(5):
-        link.go()
-        link.run(3.0)
-    assert link.payloads('drone') == [b'go'] * 5
-    assert link.drone.delay < 0.02
-
-
-def test_a_command_that_waited_in_a_queue_of_the_radio_is_not_taken() -> None:
-    link = Link()
-    link.run(2.0)
-    link.delay = 3.0
-    link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
-    link.run(10.0)
-    assert link.payloads('drone') == []
-
-
-def test_old_datagrams_do_not_shift_the_clock_of_the_other_end() -> None:
-    link = Link()
-    link.run(5.0)
-    link.is_cut = True
-    link.run(61.0)
-    link.is_cut = False
-    link.delay = 3.0
-    link.run(3.1)
-    assert link.drone.last_received > link.clocks('drone')[0] - 0.2
-    assert link.drone.clock_offset == pytest.approx(0.0, abs=6e-3)
-    assert link.drone.delay == pytest.approx(3.0, abs=0.02)

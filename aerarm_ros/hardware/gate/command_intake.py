@@ -75,10 +75,6 @@ class OfferedCommand(NamedTuple):
     allowed: bool = True
 
 
-_ONLY = 'the only publisher'
-_STOP = 'stop all but one'
-
-
 class CommandPublishers:
     """Identifies the publisher of each command, and decides whether it may send commands.
 
@@ -86,9 +82,6 @@ class CommandPublishers:
     topic's endpoints maps each GID to a node. `look` stores that list at intervals. A publisher
     whose GID is not in the list yet has an unknown node, which is allowed only if any node is
     allowed.
-
-    Without a GID in the message info the sender of a command is unknown. Commands of unknown
-    senders are accepted while the topic has one publisher, and rejected while it has several.
 
     Parameters
     ----------
@@ -106,40 +99,19 @@ class CommandPublishers:
         self.names: tuple[str, ...] = ()
         self._allowed = frozenset(allowed)
         self._nodes: Mapping[bytes, str] = {}
-        self._is_anonymous = False
 
     def look(self, nodes: Mapping[bytes, str]) -> None:
         """Store the publishers of joint_command: the full node name per identifier (GID)."""
         self._nodes = nodes
         self.names = tuple(sorted(nodes.values()))
 
-    def knows(self, gid: bytes | None) -> bool:
-        """Whether `look` has stored this publisher; always True if messages carry no GID."""
-        return gid is None or gid in self._nodes
+    def knows(self, gid: bytes) -> bool:
+        """Whether `look` has stored this publisher."""
+        return gid in self._nodes
 
-    def judge(self, gid: bytes | None, matched: int) -> tuple[Source, bool]:
-        """Return the publisher of a received command, and whether it may send commands.
-
-        Parameters
-        ----------
-        gid
-            GID of the publisher in the message info, None if missing.
-        matched
-            Number of publishers matched with the subscription; only used without a GID.
-
-        Returns
-        -------
-        source
-            Identifier of the publisher; None if it cannot be distinguished from another publisher.
-        allowed : bool
-            Whether the publisher's node may send commands.
-        """
-        self._is_anonymous = gid is None
-        if gid is not None:
-            return gid, self.is_allowed(self._nodes.get(gid, ''))
-        is_alone = matched <= 1 and len(self.names) <= 1
-        is_allowed = not self._allowed or bool(self.names)
-        return _ONLY if is_alone else None, is_allowed and all(map(self.is_allowed, self.names))
+    def may_command(self, gid: bytes) -> bool:
+        """Whether the publisher with this GID may send commands."""
+        return self.is_allowed(self._nodes.get(gid, ''))
 
     def is_allowed(self, name: str) -> bool:
         """Whether a node with this full name may send commands."""
@@ -157,12 +129,10 @@ class CommandPublishers:
             )
         if len(self.names) < 2:
             return ''
-        present = f'joint_command has {len(self.names)} publishers ({", ".join(self.names)})'
-        if self._is_anonymous:
-            return (
-                f'{present}, and this ROS version does not report the sender of a message: {_STOP}'
-            )
-        return f'{present}, so the bridge follows the first sender: {_STOP}'
+        return (
+            f'joint_command has {len(self.names)} publishers ({", ".join(self.names)}), so the '
+            'bridge follows the first sender: stop all but one'
+        )
 
 
 # Reasons for rejecting a command, and what to check.

@@ -454,12 +454,11 @@ class HardwareBridge(LifecycleNode):
             return
         names, sample, publisher = command
         age_ns = self.world.now_ns() - sample.stamp_ns
-        matched = self.streams.commands.publishers() if publisher is None else 1
-        source, allowed = self.command_publishers.judge(publisher, matched)
+        allowed = self.command_publishers.may_command(publisher)
         if not self.command_publishers.knows(publisher):
             self.publisher_watch.look_soon()
         numbers = (sample.position, sample.velocity, sample.effort)
-        offered = OfferedCommand(names, *numbers, age_ns * 1e-9, source, allowed)
+        offered = OfferedCommand(names, *numbers, age_ns * 1e-9, publisher, allowed)
         cycle.command(offered, now)
         timing.add_command(age_ns, sample.stamp_ns == self._stamp_ns)
 
@@ -471,8 +470,8 @@ class HardwareBridge(LifecycleNode):
         self._diagnostics.publish_soon()
 
 
-# Joint names and content of a joint command, and the publisher's GID (None if unknown).
-Command = tuple[Sequence[str], JointSample, bytes | None]
+# Joint names and content of a joint command, and the publisher's GID.
+Command = tuple[Sequence[str], JointSample, bytes]
 
 # The cycle's thread decodes a command with other joints or another order, and rejects a larger
 # message, because decoding it would take too long.
@@ -500,7 +499,7 @@ class BridgeStreams:
             topic.publisher(node)
             for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.MOTOR_POWER)
         )
-        self.commands = RawReader(node, topics.JOINT_COMMAND, identify=True)
+        self.commands = RawReader(node, topics.JOINT_COMMAND)
 
     def publish(
         self, stamp_ns: int, joints: Sequence[Array], motors: Sequence[Array], power: Array
@@ -535,7 +534,7 @@ class BridgeStreams:
         if message is None:
             return None
         payload, info = message
-        publisher = info.get('publisher')
+        publisher = info['publisher']
         sample = self._cdr.unpack(payload)
         if sample is not None:
             return self._names, sample, publisher

@@ -9,6 +9,7 @@ import struct
 import time
 import zlib
 from collections import deque
+from collections.abc import Callable
 from math import inf, isfinite, isnan
 from types import SimpleNamespace
 
@@ -167,6 +168,10 @@ class LinkEnd:
 
     role = ''
     other = ''
+    _topics: DroneTopics | GroundTopics
+    _services: DroneServices | GroundServices
+    _recordings: DroneRecordings | GroundRecordings
+    _takers: dict[int, Callable[[bytes], None]]  # of channels that are not topics
 
     def __init__(self, node: Node, values: SimpleNamespace, key: bytes) -> None:
         self._node = node
@@ -214,32 +219,37 @@ class LinkEnd:
             self._report(now)
 
     def close(self) -> None:
-        """Close the socket."""
+        """Complete the bag of a running recording, close the socket, and destroy subscriptions."""
+        self._recordings.close()
+        self._topics.destroy()
         self._socket.close()
 
-    # Methods that the ends override.
-
     def _take(self, received: Received) -> None:
-        raise NotImplementedError
+        taker = self._takers.get(received.channel)
+        if taker is not None:
+            taker(received.payload)
+        else:
+            self._topics.publish(received.channel, received.payload)
+
+    # Methods that the ends override.
 
     def _update(self, now: float) -> bool:
         """Update relays and watchdog at `now` [s]; return whether to send a datagram soon."""
         raise NotImplementedError
 
+    def _problem(self, now: float) -> str:
+        raise NotImplementedError
+
+    def _rows(self) -> dict[str, object]:
+        raise NotImplementedError
+
     def _greet(self) -> None:
         """Send latched messages and services, because the other end has just started."""
-
-    def _on_newest(self, address: _Address) -> None:
-        """Process the sender's address of the newest datagram."""
+        self._node.get_logger().info(f'the {self.other} is connected')
+        self._services.greet()
 
     def _on_rejected(self, datagram: bytes, address: _Address) -> None:
         """Process a datagram that was not authentic."""
-
-    def _problem(self, now: float) -> str:
-        return ''
-
-    def _rows(self) -> dict[str, object]:
-        return {}
 
     def _interval(self, now: float, is_prompt: bool) -> float:
         if self.connection.has_urgent:
@@ -270,8 +280,8 @@ class LinkEnd:
                 self._send_datagram(connection.answer, address)
             elif connection.rejected != rejected:
                 self._on_rejected(datagram, address)
-            elif connection.is_newest:
-                self._on_newest(address)
+            elif connection.is_newest and self.role == DRONE:
+                self._address = address
         return came
 
     def _send(self, now: float) -> None:
@@ -371,6 +381,9 @@ class DroneEnd(LinkEnd):
     """Process of `ground_link` on the drone, which serves one ground computer."""
 
     role, other = DRONE, GROUND
+    _topics: DroneTopics
+    _services: DroneServices
+    _recordings: DroneRecordings
 
     def __init__(self, node: Node, values: SimpleNamespace, key: bytes) -> None:
         super().__init__(node, values, key)
@@ -387,15 +400,12 @@ class DroneEnd(LinkEnd):
         self._watchdog = GroundWatchdog(node, values)
         self._recordings = DroneRecordings(node, self.connection, values)
         self._ticked = -inf
-
-    def close(self) -> None:
-        """Complete the bag of a running recording, close the socket, and destroy subscriptions."""
-        self._recordings.close()
-        self._topics.destroy()
-        super().close()
-
-    def _on_newest(self, address: _Address) -> None:
-        self._address = address
+        self._takers = {
+            CALLS: lambda content: self._services.call(content, time.monotonic(), False),
+            STOPS: lambda content: self._services.call(content, time.monotonic(), True),
+            BAG_REQUESTS: self._recordings.take_request,
+            QUESTIONS: self._recordings.take_question,
+        }
 
     def _on_rejected(self, datagram: bytes, address: _Address) -> None:
         """Warn if no connection exists and the sender of a datagram uses another key."""
@@ -408,17 +418,6 @@ class DroneEnd(LinkEnd):
             'version of aerarm_ros on both hosts, and restart ground_link'
         )
         self._node.get_logger().warning(self._key_problem)
-
-    def _take(self, received: Received) -> None:
-        channel = received.channel
-        if channel in (CALLS, STOPS):
-            self._services.call(received.payload, time.monotonic(), channel == STOPS)
-        elif channel == BAG_REQUESTS:
-            self._recordings.take_request(received.payload)
-        elif channel == QUESTIONS:
-            self._recordings.take_question(received.payload)
-        else:
-            self._topics.publish(channel, received.payload)
 
     def _update(self, now: float) -> bool:
         if now - self._ticked >= _TICK:
@@ -439,9 +438,8 @@ class DroneEnd(LinkEnd):
         return False
 
     def _greet(self) -> None:
-        self._node.get_logger().info('the ground is connected')
+        super()._greet()
         self._topics.greet()
-        self._services.greet()
 
     def _problem(self, now: float) -> str:
         own = self._watchdog.problem or self._watchdog.warning(), self._topics.problem(now)
@@ -455,6 +453,9 @@ class GroundEnd(LinkEnd):
     """Process of `ground_link` on the ground computer, which connects to one drone."""
 
     role, other = GROUND, DRONE
+    _topics: GroundTopics
+    _services: GroundServices
+    _recordings: GroundRecordings
 
     def __init__(self, node: Node, values: SimpleNamespace, key: bytes) -> None:
         super().__init__(node, values, key)
@@ -477,30 +478,16 @@ class GroundEnd(LinkEnd):
             BAG_REPORTS: self._recordings.take_report,
             BLOCKS: self._recordings.take_block,
             OFFERED: self._services.take_offered,
+            **dict.fromkeys(
+                (RESULTS, STOP_RESULTS),
+                lambda content: self._services.take_result(content, time.monotonic()),
+            ),
         }
-
-    def close(self) -> None:
-        """Close the socket and destroy subscriptions."""
-        self._recordings.destroy()
-        self._topics.destroy()
-        super().close()
-
-    def _take(self, received: Received) -> None:
-        if received.channel in (RESULTS, STOP_RESULTS):
-            self._services.take_result(received.payload, time.monotonic())
-        elif received.channel in self._takers:
-            self._takers[received.channel](received.payload)
-        else:
-            self._topics.publish(received.channel, received.payload)
 
     def _update(self, now: float) -> bool:
         has_called = self._services.update(now)
         has_asked = self._recordings.update(now, now - self._sent >= _TICK)
         return self._topics.update(now) or has_called or has_asked
-
-    def _greet(self) -> None:
-        self._node.get_logger().info('the drone is connected')
-        self._services.greet()
 
     def _problem(self, now: float) -> str:
         kept = self._services.kept_stops

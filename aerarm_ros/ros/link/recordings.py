@@ -418,7 +418,7 @@ class GroundRecordings:
         except OSError as error:
             self._fail(f'the folder {self._folder} cannot be used: {error.strerror}')
 
-    def destroy(self) -> None:
+    def close(self) -> None:
         """Destroy the subscription, and close the incomplete file."""
         if self._fetch is not None:
             self._fetch.close()

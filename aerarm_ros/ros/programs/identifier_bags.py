@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from aerarm_msgs_py.bags.bag_reader import BagContents, lost_messages, read_contents
+from aerarm_msgs_py.bags.bag_reader import BagContents, read_contents
+from aerarm_msgs_py.sequence_gaps import lost_messages
 from aerarm_msgs_py.storage.read_limits import BagError, BagWarning, ReadLimits
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import (
@@ -135,7 +136,7 @@ class IdentifierBags:
         )
         facts = BagFacts(
             recording.span.text if recording.span else 'whole bag',
-            lost_messages(states.sequence),
+            lost_messages(states.sequence.tolist()),
             contents.missed_cycles,
         )
         self.messages += facts.warnings(name, len(states) + contents.left_out)

@@ -71,21 +71,21 @@ def originals(folder: Path, *names: str) -> list[OriginalBag]:
         'uncompressed': (lambda: _own('none', 200), True, True),
         'killed recorder': (lambda: _own('zstd', 200, finished=False), True, False),
         '1 MB': (lambda: _own('zstd', 2400), True, True),
-        'other writer': (lambda: _package(200), True, True),
-        'without checksums': (lambda: _package(200, enable_crcs=False), False, True),
-        'without chunks': (lambda: _package(200, use_chunking=False), False, True),
-        'SQLite': (lambda: _rosbags(folder / 'a', sqlite, CompressionMode.NONE), False, True),
+        'other writer': (lambda: package_bag(200), True, True),
+        'without checksums': (lambda: package_bag(200, enable_crcs=False), False, True),
+        'without chunks': (lambda: package_bag(200, use_chunking=False), False, True),
+        'SQLite': (lambda: rosbags_bag(folder / 'a', sqlite, CompressionMode.NONE), False, True),
         'SQLite, compressed messages': (
-            lambda: _rosbags(folder / 'b', sqlite, by_message),
+            lambda: rosbags_bag(folder / 'b', sqlite, by_message),
             False,
             True,
         ),
         'compressed file': (
-            lambda: _rosbags(folder / 'c', StoragePlugin.MCAP, CompressionMode.FILE),
+            lambda: rosbags_bag(folder / 'c', StoragePlugin.MCAP, CompressionMode.FILE),
             False,
             True,
         ),
-        'ROS 1': (lambda: _ros1(folder / 'ros1.bag'), False, True),
+        'ROS 1': (lambda: ros1_bag(folder / 'ros1.bag'), False, True),
     }
     return [
         OriginalBag(name, make(), checked, finished)
@@ -119,7 +119,7 @@ def _counting(write: Callable[[bytes], int]) -> Callable[[bytes], int]:
     return lambda data: write(bytes(data))
 
 
-def _package(count: int, **options: object) -> Files:
+def package_bag(count: int, **options: object) -> Files:
     """Return a file of the mcap package's writer, without metadata.yaml."""
     stream = io.BytesIO()
     writer = PackageWriter(
@@ -135,7 +135,8 @@ def _package(count: int, **options: object) -> Files:
     return {'bag.mcap': stream.getvalue()}
 
 
-def _rosbags(folder: Path, storage: StoragePlugin, mode: CompressionMode) -> Files:
+def rosbags_bag(folder: Path, storage: StoragePlugin, mode: CompressionMode) -> Files:
+    """Return a bag of rosbags' writer, which is written into `folder`."""
     writer = RosbagsWriter(folder, version=9, storage_plugin=storage)
     writer.set_compression(mode, CompressionFormat.ZSTD)
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -146,11 +147,15 @@ def _rosbags(folder: Path, storage: StoragePlugin, mode: CompressionMode) -> Fil
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-def _ros1(path: Path) -> Files:
+def ros1_bag(
+    path: Path, compression: Ros1Writer.CompressionFormat | None = Ros1Writer.CompressionFormat.BZ2
+) -> Files:
+    """Return a bag of ROS 1, which is written to `path`."""
     store = get_typestore(Stores.ROS2_JAZZY)
     writer = Ros1Writer(path)
     writer.chunk_threshold = 10_000
-    writer.set_compression(Ros1Writer.CompressionFormat.BZ2)
+    if compression is not None:
+        writer.set_compression(compression)
     with writer:
         noetic = get_typestore(Stores.ROS1_NOETIC)
         channels = [writer.add_connection(t.name, t.type, typestore=noetic) for t in TOPICS]

@@ -4,22 +4,12 @@ import struct
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from aerarm_msgs_py.codecs.cdr import (
-    CdrPrefix,
-    CdrReader,
-    Float64ArrayCdr,
-    Payloads,
-    diagnostic_values,
-    elements_at,
-)
-
-MESSAGES = [b'abc', b'', b'defg', b'hij']
+from aerarm_msgs_py.codecs.cdr import CdrPrefix, CdrReader, Float64ArrayCdr, elements_at
 
 
 def test_padding_is_open_and_everything_else_is_not() -> None:
@@ -30,22 +20,7 @@ def test_padding_is_open_and_everything_else_is_not() -> None:
         changed = payload.copy()
         changed[k] ^= 0x55
         assert prefix.matches(bytes(changed)) == (k in padding)
-        rows = np.frombuffer(bytes(payload + changed), np.uint8).reshape(2, -1)
-        assert prefix.matching_rows(rows).tolist() == [True, k in padding]
     assert not prefix.matches(bytes(payload[:-1]))
-
-
-@pytest.mark.parametrize('order', ['<', '>'])
-def test_reads_both_byte_orders(order: str) -> None:
-    body = struct.pack(f'{order}iI', -7, 9)
-    body += struct.pack(f'{order}I3s', 3, b'ab\0') + b'?'  # a string and one byte of padding
-    body += struct.pack(f'{order}I', 2) + b'????'  # a count, aligned to 8 for the doubles
-    body += struct.pack(f'{order}dd', 1.5, -2.5)
-    body += struct.pack(f'{order}II', 0, 5)  # an empty sequence has no padding
-    reader = CdrReader((b'\0\1\0\0' if order == '<' else b'\0\0\0\0') + body)
-    assert (reader.int32(), reader.uint32(), reader.string()) == (-7, 9, 'ab')
-    np.testing.assert_array_equal(reader.doubles(), [1.5, -2.5])
-    assert (len(reader.doubles()), reader.uint32()) == (0, 5)
 
 
 def test_refuses_short_and_foreign_payloads() -> None:
@@ -56,19 +31,6 @@ def test_refuses_short_and_foreign_payloads() -> None:
     for read in (CdrReader.strings, CdrReader.doubles, CdrReader.string):
         with pytest.raises(ValueError, match='too early'):
             read(CdrReader(endless))
-
-
-def test_values_by_status() -> None:
-    statuses = [
-        DiagnosticStatus(
-            name=name, values=[KeyValue(key=f'k{i}', value='v' * i) for i in range(count)]
-        )
-        for count, name in enumerate(('a', 'bb', 'ccc'))
-    ]
-    payload = serialize_message(DiagnosticArray(status=statuses))
-    assert diagnostic_values(payload) == {'a': {}, 'bb': {'k0': ''}, 'ccc': {'k0': '', 'k1': 'v'}}
-    with pytest.raises(ValueError, match='ends too early'):
-        diagnostic_values(payload[:-6])
 
 
 @given(st.lists(st.floats(), min_size=1, max_size=9))
@@ -93,16 +55,6 @@ def test_arrays_of_another_layout_are_not_decoded() -> None:
         cdr.pack([1.0])
     with pytest.raises(ValueError, match='at least one'):
         Float64ArrayCdr(0)
-
-
-def test_messages_of_a_buffer_one_by_one_and_as_rows() -> None:
-    payloads = Payloads.of(MESSAGES)
-    assert list(payloads) == MESSAGES
-    assert payloads[2] == b'defg'
-    assert list(payloads[1:3]) == MESSAGES[1:3]
-    assert [row.tobytes() for row in payloads.rows(np.array([3, 0]))] == [b'hij', b'abc']
-    assert Payloads.of([b'']).rows(np.array([0])).shape == (1, 0)
-    assert Payloads.of([]).rows(np.array([], np.intp)).shape == (0, 0)
 
 
 def test_elements_may_begin_at_any_byte_but_not_beyond_the_end() -> None:

@@ -1,6 +1,7 @@
 """The ends of ground_link, over UDP of this host."""
 
 import contextlib
+import functools
 import json
 import random
 import socket
@@ -105,16 +106,6 @@ def drone(ros_node: Node, values: SimpleNamespace) -> Iterator[WatchedEnd]:
     end.close()
 
 
-@pytest.fixture
-def statuses(ros_node: Node) -> dict[str, str]:
-    """Return the newest message of each status on /diagnostics, by name."""
-    came: dict[str, str] = {}
-    topics.DIAGNOSTICS.subscription(
-        ros_node, lambda message: came.update((s.name, s.message) for s in message.status)
-    )
-    return came
-
-
 def run(until: Callable[[], object], *steps: Callable[[], object]) -> None:
     deadline = time.monotonic() + 60.0
     while not until():
@@ -162,9 +153,7 @@ def test_a_controller_on_the_ground_is_named(ros_node: Node, values: SimpleNames
     ground.close()
 
 
-def test_a_drone_with_an_address_of_its_ground_ignores_others(
-    ros_node: Node, values: SimpleNamespace, port: int
-) -> None:
+def test_a_drone_with_an_address_of_its_ground_ignores_others(ros_node, values, port) -> None:
     for address, is_heard in (('127.0.0.2', False), ('127.0.0.1', True)):
         values.ground = address
         end, ground = WatchedEnd(ros_node, values), Ground(port)
@@ -205,9 +194,7 @@ def test_two_grounds_are_reported(drone: WatchedEnd, port: int) -> None:
     assert 'one ground' not in drone._usual_problem(time.monotonic() + 20.0)
 
 
-def test_a_wrong_key_is_reported_once_unless_a_ground_is_connected(
-    drone: WatchedEnd, port: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_key_is_reported_once_unless_a_ground_is_connected(drone, port, capfd) -> None:
     sender, stranger = udp(), Ground(port, OTHER_KEY)
     strays = b'x' * 60, bytes(range(1, 120)), bytes(100)  # of another protocol
     for stray in strays:
@@ -227,17 +214,16 @@ def test_a_wrong_key_is_reported_once_unless_a_ground_is_connected(
     assert stranger.received == 0
 
 
-def test_both_ends_have_statuses_of_different_names(
-    drone: WatchedEnd, ros_node: Node, values: SimpleNamespace, statuses: dict[str, str]
-) -> None:
+def test_both_ends_have_statuses_of_different_names(drone, ros_node, values) -> None:
+    names: set[str] = set()
+    topics.DIAGNOSTICS.subscription(
+        ros_node, lambda message: names.update(status.name for status in message.status)
+    )
     ground = GroundEnd(ros_node, values, KEY)
-
-    def spin() -> None:
-        rclpy.spin_once(ros_node, timeout_sec=0.0)
-
-    run(lambda: len(statuses) > 1, drone.step, ground.step, spin)
+    spin = functools.partial(rclpy.spin_once, ros_node, timeout_sec=0.0)
+    run(lambda: len(names) > 1, drone.step, ground.step, spin)
     node = ros_node.get_fully_qualified_name()
-    assert set(statuses) == {f'{node}: drone side', f'{node}: ground side'}
+    assert names == {f'{node}: drone side', f'{node}: ground side'}
     ground.close()
 
 
@@ -263,9 +249,7 @@ def random_payload(source: random.Random, names: list[str]) -> bytes:
 
 
 @pytest.mark.parametrize('role', ['drone', 'ground'])
-def test_random_messages_of_an_authentic_end_do_not_end_the_node(
-    ros_node: Node, values: SimpleNamespace, role: str
-) -> None:
+def test_random_messages_of_an_authentic_end_do_not_end_the_node(ros_node, values, role) -> None:
     other = rclpy.create_node('other')  # its services are relayed
     other.create_service(Trigger, '/other/e_stop', lambda _, response: response)
     end = (DroneEnd if role == 'drone' else GroundEnd)(ros_node, values, KEY)

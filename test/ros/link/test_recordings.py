@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import shutil
 import signal
 import threading
 import time
@@ -13,12 +14,13 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
+from bad_link import same
 from rclpy.node import Node
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.bags.bag_reader import topics as topics_of
+from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_msgs_py.bags.bag_writer import BagWriter, RecordedTopic
 from aerarm_ros.link.connection import Connection
 from aerarm_ros.ros.link.recordings import (
@@ -60,14 +62,12 @@ class LinkedRecordings:
         self._thread.start()
 
     def start_drone(self) -> None:
-        with self.lock:
-            self.to_ground = Connection(KEY, 'drone', 'ground', 26_000.0)
-            self.drone = DroneRecordings(self._node, self.to_ground, self._values)
+        self.to_ground = Connection(KEY, 'drone', 'ground', 26_000.0)
+        self.drone = DroneRecordings(self._node, self.to_ground, self._values)
 
     def start_ground(self) -> None:
-        with self.lock:
-            self.to_drone = Connection(KEY, 'ground', 'drone', 9_000.0)
-            self.ground = GroundRecordings(self._node, self.to_drone, self._values)
+        self.to_drone = Connection(KEY, 'ground', 'drone', 9_000.0)
+        self.ground = GroundRecordings(self._node, self.to_drone, self._values)
 
     def restart_drone(self) -> None:
         with self.lock:
@@ -76,14 +76,14 @@ class LinkedRecordings:
 
     def restart_ground(self) -> None:
         with self.lock:
-            self.ground.destroy()
+            self.ground.close()
             self.start_ground()
 
     def close(self) -> None:
         self.is_over = True
         self._thread.join()
         self.drone.close()
-        self.ground.destroy()
+        self.ground.close()
         assert self.errors == []
         assert self.drone._logs is None or not self.drone._logs.exists()
 
@@ -161,13 +161,6 @@ def make_bag(folder: Path, name: str = 'flight', blocks: int = 150) -> Path:
     return bag
 
 
-def same(one: Path, other: Path) -> bool:
-    names = sorted(path.name for path in one.iterdir())
-    return names == sorted(path.name for path in other.iterdir()) and all(
-        (one / name).read_bytes() == (other / name).read_bytes() for name in names
-    )
-
-
 def request(
     client: Node, folder: Path, name: str = 'flight', tell: Callable[[str], None] = lambda _: None
 ) -> RecordingRequest:
@@ -227,36 +220,36 @@ def test_a_fetch_continues_without_the_user_and_after_a_restart_of_the_drone(
     assert same(bag, tmp_path / 'here' / 'flight')
 
 
-def test_a_request_does_not_see_the_report_of_a_former_one(
+def test_a_fetch_that_is_rejected_names_the_reason_and_can_be_repeated(
     link: LinkedRecordings, client: Node, tmp_path: Path
 ) -> None:
+    def fetch(folder: str) -> None:
+        request(client, tmp_path / folder).fetch()
+
     with pytest.raises(ArmClientError, match='the drone has no bag flight'):
-        request(client, tmp_path / 'here').fetch()
-    bag = make_bag(tmp_path, blocks=20)
-    request(client, tmp_path / 'here').fetch()
+        fetch('here')
+    bag = tmp_path / 'bags' / 'flight'
+    writer = BagWriter(bag, [RecordedTopic('/joint_states', 'sensor_msgs/msg/JointState')])
+    with pytest.raises(ArmClientError, match='still recording flight'):
+        fetch('here')
+    writer.close()
+    fetch('here')
     assert same(bag, tmp_path / 'here' / 'flight')
     (tmp_path / 'here' / 'flight' / 'flight_0.mcap').write_text('another')
     with pytest.raises(ArmClientError, match='belongs to another recording'):
-        request(client, tmp_path / 'here').fetch()
-    request(client, tmp_path / 'there').fetch()
+        fetch('here')
+    fetch('there')
     assert same(bag, tmp_path / 'there' / 'flight')
+    with link.lock:
+        shutil.rmtree(bag)
+        make_bag(tmp_path)
+    thread = when(is_half_way(link), (bag / 'metadata.yaml').unlink)
+    with pytest.raises(ArmClientError, match='the drone cannot read the bag flight'):
+        fetch('elsewhere')
+    thread.join()
 
 
-def test_a_bag_that_a_recorder_still_writes_is_not_fetched(
-    link: LinkedRecordings, client: Node, tmp_path: Path
-) -> None:
-    streams = [RecordedTopic('/joint_states', 'sensor_msgs/msg/JointState')]
-    writer = BagWriter(tmp_path / 'bags' / 'flight', streams)
-    with pytest.raises(ArmClientError, match='still recording flight'):
-        request(client, tmp_path / 'here').fetch()
-    writer.close()
-    request(client, tmp_path / 'here').fetch()
-    assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
-
-
-def test_a_second_bag_waits_for_the_first(
-    link: LinkedRecordings, client: Node, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_second_bag_waits_for_the_first(link, client, tmp_path, monkeypatch) -> None:
     bags = [make_bag(tmp_path, name) for name in ('one', 'two')]
     second = request(client, tmp_path / 'here', 'two')
     second._begin()
@@ -275,16 +268,6 @@ def test_a_second_bag_waits_for_the_first(
     assert same(bags[0], tmp_path / 'here' / 'one')
     second.fetch()
     assert same(bags[1], tmp_path / 'here' / 'two')
-
-
-def test_a_bag_that_cannot_be_read_is_reported(
-    link: LinkedRecordings, client: Node, tmp_path: Path
-) -> None:
-    bag = make_bag(tmp_path)
-    thread = when(is_half_way(link), (bag / 'metadata.yaml').unlink)
-    with pytest.raises(ArmClientError, match='the drone cannot read the bag flight'):
-        request(client, tmp_path / 'here').fetch()
-    thread.join()
 
 
 def record(
@@ -309,58 +292,47 @@ def record(
     return told
 
 
-def test_a_recording_of_the_drone_is_fetched_after_ctrl_c(
-    link: LinkedRecordings, client: Node, tmp_path: Path
-) -> None:
+def test_a_recording_of_the_drone_is_fetched_after_ctrl_c(link, client, tmp_path) -> None:
     link.loss = 0.05
     record(link, client, tmp_path / 'here', RecordingRequest._stop)
     assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
-    assert topics_of(tmp_path / 'here' / 'flight')['/joint_states'].messages > 5
+    assert len(read_joint_states(tmp_path / 'here' / 'flight')) > 5
 
 
-def test_the_user_learns_that_the_recording_ended_by_itself(
-    link: LinkedRecordings, client: Node, tmp_path: Path
-) -> None:
-    def end(_: RecordingRequest) -> None:
-        process = link.drone._process
-        assert process is not None
-        os.kill(process.pid, signal.SIGKILL)
-
-    with pytest.raises(ArmClientError, match='ended before Ctrl-C: .*status -9.*flight contains'):
-        record(link, client, tmp_path / 'here', end)
-    assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
-
-
-def test_the_user_learns_that_the_drone_started_again_during_the_recording(
-    link: LinkedRecordings, client: Node, tmp_path: Path
-) -> None:
-    with pytest.raises(ArmClientError, match='restarted during the recording'):
-        record(link, client, tmp_path / 'here', lambda _: link.restart_drone())
-    assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
+def end_recorder(link: LinkedRecordings) -> None:
+    process = link.drone._process
+    assert process is not None
+    os.kill(process.pid, signal.SIGKILL)
 
 
 @pytest.mark.parametrize(
-    ('name', 'do', 'problem'),
+    ('end', 'said'),
     [
+        (end_recorder, 'ended before Ctrl-C: .*status -9.*flight contains'),
+        (LinkedRecordings.restart_drone, 'restarted during the recording'),
+    ],
+)
+def test_the_user_learns_why_the_recording_ended_early(link, client, tmp_path, end, said) -> None:
+    with pytest.raises(ArmClientError, match=said):
+        record(link, client, tmp_path / 'here', lambda _: end(link))
+    assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
+
+
+def test_an_invalid_request_is_rejected(link: LinkedRecordings, tmp_path: Path) -> None:
+    for name, do, problem in (
         ('../x', 'record', 'no valid bag name'),
         ('../x', 'finish', 'no valid bag name'),
         ('flight', 'fly', "does not know the request 'fly'"),
-    ],
-)
-def test_an_invalid_request_is_rejected(
-    link: LinkedRecordings, tmp_path: Path, name: str, do: str, problem: str
-) -> None:
-    with link.lock:
-        link.drone.take_request(json.dumps({'name': name, 'do': do, 'id': 'a'}).encode())
-        assert problem in next(iter(link.to_ground._messages)).payload.decode()
-        assert link.drone._process is None
-        assert link.drone._served == {}
+    ):
+        with link.lock:
+            link.drone.take_request(json.dumps({'name': name, 'do': do, 'id': 'a'}).encode())
+            assert problem in list(link.to_ground._messages)[-1].payload.decode()
+            assert link.drone._process is None
+            assert link.drone._served == {}
     assert not list(tmp_path.glob('x*'))
 
 
-def test_recorded_datagrams_start_nothing(
-    link: LinkedRecordings, client: Node, tmp_path: Path
-) -> None:
+def test_recorded_datagrams_start_nothing(link, client, tmp_path) -> None:
     make_bag(tmp_path, blocks=20)
     request(client, tmp_path / 'here').fetch()
     with link.lock:

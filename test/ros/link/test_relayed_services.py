@@ -102,10 +102,6 @@ class Relay:
         self.until(lambda: not self.pair.drone.relay.count_services('/bridge/e_stop'))
         return stop
 
-    def silent(self) -> Service:
-        """Return a service that never answers, because no executor runs its node."""
-        return self.pair.drone.relay.create_service(SetBool, '/slow/set', lambda _, answer: answer)
-
     def clients(self) -> Counter[str]:
         """Return the names of the clients on the drone."""
         return Counter(client.srv_name for client in self.pair.drone.relay.clients)
@@ -134,7 +130,9 @@ def test_clients_of_services_that_ended_are_destroyed(relay: Relay) -> None:
 
 def test_an_e_stop_passes_a_call_that_is_never_answered(relay: Relay) -> None:
     relay.bridge()
-    silent = relay.silent()
+    silent = relay.pair.drone.relay.create_service(  # never answers: no executor runs its node
+        SetBool, '/slow/set', lambda _, answer: answer
+    )
     slow, stop = relay.client('/slow/set', SetBool), relay.client()
     waiting, begin = relay.call(slow), relay.pair.now
     relay.steps(5)
@@ -154,7 +152,7 @@ def test_an_e_stop_passes_a_call_that_is_never_answered(relay: Relay) -> None:
 
 def test_an_e_stop_that_was_reported_as_failed_stops_no_later_bridge(relay: Relay) -> None:
     stop = relay.client_without_bridge()
-    assert 'NOT CONFIRMED' in relay.answer(relay.call(stop)).message
+    relay.answer(relay.call(stop))
     relay.pair.now += ANSWER_TIMEOUT
     relay.until(lambda: any('no bridge answered' in text for text in relay.log))
     relay.steps(20)
@@ -180,13 +178,6 @@ def test_an_e_stop_during_a_long_cut_is_reported_as_delivered(relay: Relay) -> N
     assert relay.ground.kept_stops == []
 
 
-def test_an_e_stop_waits_for_a_bridge_that_starts_in_time(relay: Relay) -> None:
-    relay.call(relay.client_without_bridge())
-    relay.steps(5)
-    relay.bridge()
-    relay.until(lambda: relay.stops > 0)
-
-
 def test_services_are_created_a_few_at_a_time_and_e_stops_first(relay: Relay) -> None:
     pair, made = relay.pair, []
     for number in range(20):
@@ -208,9 +199,7 @@ def test_services_are_created_a_few_at_a_time_and_e_stops_first(relay: Relay) ->
     assert '/bridge/e_stop' in made[0]
 
 
-@pytest.fixture
-def came(relay: Relay) -> list[str]:
-    """Return the calls that a bridge with `clear_fault` and `e_stop` receives, in order."""
+def test_a_clear_fault_before_an_e_stop_does_not_undo_it(relay: Relay) -> None:
     came: list[str] = []
     for name in ('clear_fault', 'e_stop'):
 
@@ -222,42 +211,26 @@ def came(relay: Relay) -> list[str]:
             return response
 
         relay.pair.drone.node.create_service(Trigger, f'/bridge/{name}', act)
-    return came
-
-
-def test_an_earlier_clear_fault_does_not_undo_an_e_stop(relay: Relay, came: list[str]) -> None:
-    stop, clear = relay.client(), relay.client('/bridge/clear_fault')
-    relay.pair.loss = 1.0
-    cleared = relay.call(clear)
-    relay.steps(15)
-    stopped = relay.call(stop)
-    relay.steps(15)
-    relay.pair.loss = 0.0
-    assert 'rejected, because an e-stop followed this request' in relay.answer(cleared).message
-    assert relay.answer(stopped).success
-    assert set(came) == {'e_stop'}
-    assert relay.answer(relay.call(clear)).success  # at once, but after the e-stop
-
-
-def test_an_e_stop_after_a_clear_fault_does_not_share_the_message_of_an_earlier_one(
-    relay: Relay, came: list[str]
-) -> None:
     stop, clear = relay.client(), relay.client('/bridge/clear_fault')
     relay.pair.loss = 1.0
     calls = []
     for client in (stop, stop, clear, stop):
         calls.append(relay.call(client))
-        relay.steps(5)
+        relay.steps(8)
     assert relay.pair.ground.connection.waiting == 3  # one message for the first two e-stops
     relay.pair.loss = 0.0
     assert [relay.answer(call).success for call in calls] == [True, True, False, True]
-    assert 'clear_fault' not in came
+    assert 'rejected, because an e-stop followed this request' in calls[2].result().message
+    assert set(came) == {'e_stop'}
+    assert relay.answer(relay.call(clear)).success  # at once, but after the e-stop
 
 
-def test_a_restarted_drone_receives_an_e_stop_that_no_bridge_has_answered(relay: Relay) -> None:
+@pytest.mark.parametrize('is_restarted', [False, True])
+def test_an_e_stop_is_repeated_until_a_bridge_answers(relay: Relay, is_restarted: bool) -> None:
     answer = relay.answer(relay.call(relay.client_without_bridge()))
     assert answer.message.startswith('NOT CONFIRMED: the drone received the e-stop, but no bridge')
-    relay.restart_drone()
+    if is_restarted:
+        relay.restart_drone()
     relay.bridge()
     relay.until(lambda: relay.stops > 0)
     relay.until(lambda: not relay.ground.kept_stops)
@@ -320,21 +293,3 @@ def test_a_service_named_e_stop_of_another_type_is_an_ordinary_call(relay: Relay
     assert relay.drone._stops == {}
     relay.steps(30)
     assert came == [True]
-
-
-def test_a_delivered_call_without_an_answer_is_reported(pair: Pair) -> None:
-    relay = Relay(pair)
-    silent = pair.drone.relay.create_service(  # no executor runs this node
-        SetBool, '/slow/set', lambda _, response: response
-    )
-    client = relay.client('/slow/set', SetBool)
-    answer = client.call_async(SetBool.Request())
-    for _ in range(10):
-        relay.step()
-    assert not answer.done()
-    pair.now += ANSWER_TIMEOUT
-    pair.until(lambda: relay.step() and answer.done())
-    assert not answer.result().success
-    assert 'has not answered within 30 s' in answer.result().message
-    assert relay.log == [f'/slow/set: {answer.result().message}']
-    pair.drone.relay.destroy_service(silent)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
+from aerarm_msgs_py.topics import Topic
 from aerarm_ros.ros.link.relayed_topics import ALL_STATES, SILENT, STATES, DroneTopics, GroundTopics
 
 if TYPE_CHECKING:
@@ -34,19 +38,31 @@ class Relay:
             self.ground.publish(received.channel, received.payload)
         return True
 
-    def close(self) -> None:
-        self.drone.destroy()
-        self.ground.destroy()
+    def until(self, condition) -> None:
+        self.pair.until(lambda: self.step() and condition())
+
+    def listen(self, topic: Topic, note) -> Publisher:
+        """Call `note` with each message on the ground; return a publisher on the drone."""
+        self.pair.ground.node.create_subscription(topic.type, topic.name, note, topic.qos)
+        return topic.publisher(self.pair.drone.node)
+
+    def cut(self) -> None:
+        self.pair.loss = 1.0
+        self.pair.now += 2.0
 
 
-def test_the_newest_states_arrive_together_in_single_precision(pair: Pair) -> None:
+@pytest.fixture
+def relay(pair: Pair) -> Iterator[Relay]:
     relay = Relay(pair)
-    came: dict[str, list[JointState]] = {}
-    publishers = []
-    for topic in STATES:
-        came[topic.name] = []
-        pair.ground.node.create_subscription(topic.type, topic.name, came[topic.name].append, 10)
-        publishers.append(topic.publisher(pair.drone.node))
+    yield relay
+    relay.drone.destroy()
+    relay.ground.destroy()
+
+
+def test_the_newest_states_arrive_together_in_single_precision(relay: Relay) -> None:
+    came: dict[str, list[JointState]] = {topic.name: [] for topic in STATES}
+    publishers = [relay.listen(topic, came[topic.name].append) for topic in STATES]
+    connection = relay.pair.drone.connection
 
     def publish(joints: int) -> bool:
         for number, publisher in enumerate(publishers):
@@ -56,39 +72,30 @@ def test_the_newest_states_arrive_together_in_single_precision(pair: Pair) -> No
         relay.step()
         return all(x and len(x[-1].name) == joints for x in came.values())
 
-    pair.until(lambda: publish(4))
+    relay.pair.until(lambda: publish(4))
     assert set(relay.channels) == {ALL_STATES}
     for number, topic in enumerate(STATES):
         wanted = np.array([np.nan, *np.random.default_rng(number).normal(size=3)], np.float32)
         np.testing.assert_array_equal(came[topic.name][-1].position, wanted)
         assert not len(came[topic.name][-1].velocity)
     # The states of many joints do not fit into one datagram together.
-    pair.until(lambda: publish(120))
+    relay.pair.until(lambda: publish(120))
     assert set(relay.channels) == {ALL_STATES, *range(len(STATES))}
-    assert pair.drone.connection.dropped == 0
-    relay.close()
-
-
-def test_a_state_that_is_too_large_is_dropped_and_the_others_arrive(pair: Pair) -> None:
-    relay = Relay(pair)
-    came: list[JointState] = []
-    small, large = topics.JOINT_STATES, topics.MOTOR_STATES
-    pair.ground.node.create_subscription(small.type, small.name, came.append, 10)
-    publishers = [topic.publisher(pair.drone.node) for topic in (small, large)]
+    assert connection.dropped == 0
+    # A state that is too large is dropped, and the others arrive.
     effort = np.random.default_rng(1).normal(size=8200).tolist()
 
-    def publish() -> bool:
+    def publish_large() -> bool:
         publishers[0].publish(JointState(name=['a'], position=[1.0]))
         publishers[1].publish(JointState(name=['a'], effort=effort))
         relay.step()
-        return bool(came) and pair.drone.connection.dropped > 0
+        return len(came[STATES[0].name][-1].name) == 1 and connection.dropped > 0
 
-    pair.until(publish)
-    relay.close()
+    relay.pair.until(publish_large)
 
 
-def test_a_missing_bridge_is_reported(pair: Pair) -> None:
-    relay = Relay(pair)
+def test_a_missing_bridge_is_reported(relay: Relay) -> None:
+    pair = relay.pair
     assert 'joint_states: start the bridge' in relay.drone.problem(pair.now)
     publisher = topics.JOINT_STATES.publisher(pair.drone.node)
 
@@ -99,11 +106,9 @@ def test_a_missing_bridge_is_reported(pair: Pair) -> None:
     pair.until(lambda: publish() and relay.drone.problem(pair.now) == '')
     pair.now += SILENT + 1.0
     assert 'joint_states for 3 s: check the bridge' in relay.drone.problem(pair.now)
-    relay.close()
 
 
-def test_a_flood_of_messages_does_not_keep_the_relay_from_other_work(pair: Pair) -> None:
-    relay = Relay(pair)
+def test_a_flood_of_messages_does_not_keep_the_relay_from_other_work(relay: Relay) -> None:
     taken: Counter[int] = Counter()
     payload = serialize_message(String(data='ready'))
 
@@ -113,35 +118,26 @@ def test_a_flood_of_messages_does_not_keep_the_relay_from_other_work(pair: Pair)
         return payload, {}
 
     relay.drone._events.take = take
-    relay.drone.update(pair.now)
+    relay.drone.update(relay.pair.now)
     assert taken[0] == 100
-    relay.close()
 
 
-def test_after_a_cut_the_ground_receives_only_the_newest_diagnostics_of_each_name(
-    pair: Pair,
-) -> None:
-    relay = Relay(pair)
-    topic = topics.DIAGNOSTICS
-    publisher = topic.publisher(pair.drone.node)
+def test_after_a_cut_only_the_newest_diagnostics_of_each_name_arrive(relay: Relay) -> None:
     came: list[tuple[str, str]] = []
-
-    def note(message: DiagnosticArray) -> None:
-        came.extend((status.name, status.message) for status in message.status)
-
-    pair.ground.node.create_subscription(topic.type, topic.name, note, topic.qos)
+    publisher = relay.listen(
+        topics.DIAGNOSTICS, lambda message: came.extend((s.name, s.message) for s in message.status)
+    )
 
     def publish(name: str, text: str) -> None:
         publisher.publish(DiagnosticArray(status=[DiagnosticStatus(name=name, message=text)]))
         relay.step()
 
-    pair.until(lambda: publish('a', 'before') or came)
+    relay.pair.until(lambda: publish('a', 'before') or came)
     for text in ('1', '2', '3'):  # each arrives while the link is up
         publish('b', text)
-    pair.until(lambda: relay.step() and ('b', '3') in came)
+    relay.until(lambda: ('b', '3') in came)
     assert [text for name, text in came if name == 'b'] == ['1', '2', '3']
-    pair.loss = 1.0
-    pair.now += 2.0
+    relay.cut()
     for number in range(30):
         publish('a', f'old {number}')
         publish('b', f'old {number}')
@@ -149,35 +145,27 @@ def test_after_a_cut_the_ground_receives_only_the_newest_diagnostics_of_each_nam
     for _ in range(20):
         relay.step()
     came.clear()
-    pair.loss = 0.0
-    pair.until(lambda: relay.step() and ('a', 'new') in came)
+    relay.pair.loss = 0.0
+    relay.until(lambda: ('a', 'new') in came)
     assert sorted(came) == [('a', 'new'), ('b', 'old 29')]
-    relay.close()
 
 
-def test_a_latched_message_that_a_full_backlog_dropped_arrives_after_the_cut(pair: Pair) -> None:
-    relay = Relay(pair)
-    topic = topics.ROBOT_DESCRIPTION
-    publisher = topic.publisher(pair.drone.node)
+def test_a_latched_message_that_a_full_backlog_dropped_arrives_after_the_cut(relay: Relay) -> None:
     came: list[str] = []
-    pair.ground.node.create_subscription(
-        topic.type, topic.name, lambda message: came.append(message.data), topic.qos
-    )
-    pair.until(lambda: relay.step() and publisher.get_subscription_count())
+    connection = relay.pair.drone.connection
+    publisher = relay.listen(topics.ROBOT_DESCRIPTION, lambda message: came.append(message.data))
+    relay.until(publisher.get_subscription_count)
     publisher.publish(String(data='old'))
-    pair.until(lambda: relay.step() and came)
-    peers = pair.drone.connection.peers
-    pair.loss = 1.0
-    pair.now += 2.0
+    relay.until(lambda: came)
+    peers = connection.peers
+    relay.cut()
     publisher.publish(String(data='new'))
     for _ in range(20):
         relay.step()
     for number in range(3000):  # more than the backlog
-        status = DiagnosticStatus(name=str(number))
-        message = DiagnosticArray(status=[status])
+        message = DiagnosticArray(status=[DiagnosticStatus(name=str(number))])
         relay.drone._send_diagnostics(serialize_message(message), is_up=False)
-    assert pair.drone.connection.dropped > 0
-    pair.loss = 0.0
-    pair.until(lambda: relay.step() and 'new' in came)
-    assert pair.drone.connection.peers == peers  # the link did not restart
-    relay.close()
+    assert connection.dropped > 0
+    relay.pair.loss = 0.0
+    relay.until(lambda: 'new' in came)
+    assert connection.peers == peers  # the link did not restart
