@@ -347,11 +347,12 @@ def main(args: Sequence[str] | None = None) -> int:
         return _init(options)
     before = signal.signal(signal.SIGALRM, _report_loading)
     signal.setitimer(signal.ITIMER_REAL, _QUIET)
-    # Imported here, because help, completion and `init` need no ROS.
-    from aerarm_ros.ros.requests.arm_requests import HERE, run_request
-
-    signal.setitimer(signal.ITIMER_REAL, 0.0)
-    signal.signal(signal.SIGALRM, before)
+    try:
+        # Imported here, because help, completion and `init` need no ROS.
+        from aerarm_ros.ros.requests.arm_requests import HERE, run_request
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
     if options.command == 'record' and not options.here:
         status = run_request(options, args)
         if status != HERE:

@@ -113,19 +113,30 @@ def _run(options: argparse.Namespace) -> int:
     # Imported here, so that --help is quick and Ctrl-C works from the start.
     import numpy as np
 
+    from aerarm_msgs_py.storage.read_limits import BagError
+    from aerarm_ros.calibration.observations import CalibrationError
+    from aerarm_ros.description.config_reader import ConfigError, DescriptionError
+    from aerarm_ros.identification.errors import IdentificationError
     from aerarm_ros.ros.programs.calibrator_mount import calibrate_on_drone
     from aerarm_ros.ros.programs.calibrator_run import calibrate_arm
 
     try:
         print((calibrate_on_drone if options.mount else calibrate_arm)(options))
+    except (
+        BagError,
+        CalibrationError,
+        ConfigError,
+        DescriptionError,
+        IdentificationError,
+        OSError,
+    ) as error:
+        print_error(_NAME, error)
+        return USER_ERROR
     except np.linalg.LinAlgError as error:
         print_error(
             _NAME,
             f'the calculation failed ({error}): check that marker positions and joint states are '
             'plausible',
         )
-    except (ValueError, OSError) as error:
-        print_error(_NAME, error)
-    else:
-        return 0
-    return USER_ERROR
+        return USER_ERROR
+    return 0

@@ -297,7 +297,7 @@ class BagFeed:
         self.names = [node.resolve_topic_name(topic.name) for topic in topics]
         recorded = map(as_recorded, topics, self.names)
         self._writer = BagWriter(directory, list(recorded), compression)
-        self._reader = RawReader(node, *(topic.queued(depth) for topic in topics))
+        self._reader = RawReader(node, *(topic.queued(depth) for topic in topics), identify=True)
         self._received = [0] * len(topics)  # reception time of each topic's last message [ns]
         self._lost = [0] * len(topics)
         self._host = b''

@@ -63,10 +63,9 @@ class WorldPath:
     ) -> None:
         what = 'tool path'
         t = checked_times(what, times)
-        rows = [
-            checked_rows(what, given, len(t), 3) for given in (places, velocities, accelerations)
-        ]
-        p, dp, ddp = rows
+        p = checked_rows(f'{what}: positions', places, len(t), 3)
+        dp = checked_rows(f'{what}: velocities', velocities, len(t), 3)
+        ddp = checked_rows(f'{what}: accelerations', accelerations, len(t), 3)
         if p is None or len(t) < 2:
             raise RejectedInputError(
                 f'{what}: two points or more are needed, each with a time and a position'

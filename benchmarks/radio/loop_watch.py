@@ -60,7 +60,9 @@ def main() -> None:
     use_packaged_profile()
     rclpy.init()
     node = rclpy.create_node('loop_watch')
-    reader = RawReader(node, topics.JOINT_STATES.queued(_DEPTH), topics.DIAGNOSTICS.queued(100))
+    reader = RawReader(
+        node, topics.JOINT_STATES.queued(_DEPTH), topics.DIAGNOSTICS.queued(100), identify=True
+    )
     account, missed, lost = Account(), 0, 0
     has_told = False
     while rclpy.ok():

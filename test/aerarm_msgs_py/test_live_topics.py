@@ -22,7 +22,7 @@ OTHER = Topic('others', String, QoSProfile(depth=100))
 
 @pytest.fixture
 def reader(ros_node: Node):
-    reader = RawReader(ros_node, DEEP, OTHER)
+    reader = RawReader(ros_node, DEEP, OTHER, identify=True)
     yield reader
     reader.destroy()
 
@@ -85,7 +85,7 @@ def test_a_wait_ends_when_the_context_does(ros_domain) -> None:
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
     node = rclpy.create_node('test', context=context)
-    reader = RawReader(node, DEEP)
+    reader = RawReader(node, DEEP, identify=True)
     rclpy.shutdown(context=context)
     assert not reader.wait(0.01)
 
@@ -93,7 +93,7 @@ def test_a_wait_ends_when_the_context_does(ros_domain) -> None:
 @pytest.mark.parametrize('depth', [1, 5])
 def test_messages_that_a_short_queue_lost_are_counted(ros_node: Node, depth: int) -> None:
     short = Topic('words', String, QoSProfile(depth=depth))
-    reader = RawReader(ros_node, short)
+    reader = RawReader(ros_node, short, identify=True)
     assert reader.lost() is None
     publishers = [ros_node.create_publisher(String, short.name, DEEP.qos) for _ in range(2)]
     wait_until(lambda: reader.publishers() == 2)

@@ -148,6 +148,18 @@ def test_a_drone_with_rotors_in_one_plane_needs_thrust_to_tilt() -> None:
     assert governor.govern(swing).duration > 0.55
 
 
+def test_an_acceleration_is_shortened_to_the_rotors(drone: DroneConfig) -> None:
+    governor = governor_of(drone)
+    dq = np.array([0.3, -0.2, 0.5, 0.4])
+    gentle, hard = np.array([0.2, 0.3, -0.4, 0.5]), np.array([40.0, -15.0, 30.0, 30.0])
+    np.testing.assert_array_equal(governor.limited(HANGING, dq, gentle), gentle)
+    posture = HANGING - [0.0, 0.4, 0.0, -1.0]
+    limited = governor.limited(posture, dq, hard)
+    assert usage(governor, JointReference(posture, dq, hard)) > 0.8
+    assert usage(governor, JointReference(posture, dq, limited)) == pytest.approx(0.7, abs=1e-6)
+    np.testing.assert_allclose(limited / limited[0], hard / hard[0])
+
+
 def test_no_signs_of_accelerations_within_the_limits_exceed_the_share(drone: DroneConfig) -> None:
     governor, most = governor_of(drone), np.array([40.0, 15.0, 60.0, 60.0])
     dq = np.array([0.3, -0.2, 0.5, 0.4])

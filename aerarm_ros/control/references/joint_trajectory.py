@@ -198,11 +198,15 @@ def checked_rows(what: str, rows: Rows | None, points: int, n: int) -> Array | N
     """Return rows as array (points, n), None if all are empty; raise RejectedInputError."""
     if rows is None or all(len(row) == 0 for row in rows):
         return None
-    if len(rows) != points or any(len(row) != n for row in rows):
-        raise RejectedInputError(f'{what}: give {n} values for every point, or for no point')
+    wrong = [f'point {i} has {len(row)}' for i, row in enumerate(rows) if len(row) != n]
+    if len(rows) != points or wrong:
+        found = wrong[0] if wrong else f'{len(rows)} points have values'
+        raise RejectedInputError(
+            f'{what}: {found} instead of {n if wrong else points}; give {n} values for every point'
+        )
     values = np.array(rows, dtype=float)
     if not np.all(np.isfinite(values)):
-        raise RejectedInputError(f'{what} must be finite numbers')
+        raise RejectedInputError(f'{what} must be finite numbers; check their publisher')
     return values
 
 

@@ -89,7 +89,7 @@ class FrameField:
             if value not in allowed:
                 raise ProfileError(
                     f'{key} {value!r} of {where} is unknown: choose one of '
-                    f'{", ".join(map(str, allowed))}'
+                    f'{", ".join(str(one) for one in allowed if one != 0)}, or omit the key'
                 )
         if not self.lsb > 0.0:
             raise ProfileError(f'lsb {self.lsb} of {where} must be above 0')

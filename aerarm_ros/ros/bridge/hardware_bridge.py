@@ -499,7 +499,7 @@ class BridgeStreams:
             topic.publisher(node)
             for topic in (topics.JOINT_STATES, topics.MOTOR_STATES, topics.MOTOR_POWER)
         )
-        self.commands = RawReader(node, topics.JOINT_COMMAND)
+        self.commands = RawReader(node, topics.JOINT_COMMAND, identify=True)
 
     def publish(
         self, stamp_ns: int, joints: Sequence[Array], motors: Sequence[Array], power: Array

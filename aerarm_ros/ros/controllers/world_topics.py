@@ -87,6 +87,7 @@ class WorldTopics(Attendant):
             dim=[MultiArrayDimension(label=label, size=size, stride=size)]
         )
         self._request: DroneRequest | None = None
+        self._restarts = True
         if values.request_drone:
             if arm.drone is None or not values.posture:
                 raise ValueError(
@@ -229,6 +230,7 @@ class WorldTopics(Attendant):
     def give_up(self, reason: str) -> None:
         """Forget the stored reach and end the contact, because the arm is not controlled."""
         self._seen = self.margin = None
+        self._restarts = True
         if self._reference.force is not None:
             self._reference.force.reset()
 
@@ -239,8 +241,6 @@ class WorldTopics(Attendant):
         if seen is None:
             self.margin = None
             self.recent.clear()
-            if self._request is not None:
-                self._request.reset()
             return
         q, pose, held, goal, now = seen
         self.margin = margin = self._reach.margin(q, pose, held)
@@ -248,6 +248,9 @@ class WorldTopics(Attendant):
         data = [*margin.along.tolist(), margin.time]
         self._reaches.publish(Float64MultiArray(layout=self._layout, data=data))
         if self._request is not None:
+            if self._restarts:  # reset in this thread, which alone uses the request
+                self._restarts = False
+                self._request.reset()
             place, turn = self._request.update(now, goal, pose)
             self._requests.publish(
                 pose_message(base_header(round(now * 1e9), self.frame), place, turn)

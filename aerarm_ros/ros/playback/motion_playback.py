@@ -45,7 +45,8 @@ class DampingAccount:
 
     def note(self, mode: str, now_ns: int) -> None:
         """Store a mode of the arm and its reception time [ns]; callable from any thread."""
-        self._modes.append((now_ns, mode))
+        if not self._modes or mode != self._modes[-1][1]:
+            self._modes.append((now_ns, mode))
 
     @property
     def damped(self) -> tuple[int, float]:

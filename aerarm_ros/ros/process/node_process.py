@@ -289,5 +289,13 @@ def use_packaged_profile(environment: MutableMapping[str, str] = os.environ) -> 
 
 def has_packaged_profile(environment: Mapping[str, str] = os.environ) -> bool:
     """Return whether the environment selects one of the Fast DDS profiles of this package."""
-    packaged = [str(resource('config', name)) for name in (_EVERYWHERE, _LOOPBACK)]
-    return environment.get(PROFILES_FILE, '') in packaged
+    packaged = [_content(resource('config', name)) for name in (_EVERYWHERE, _LOOPBACK)]
+    return _content(Path(environment.get(PROFILES_FILE, ''))) in packaged
+
+
+def _content(path: Path) -> bytes | None:
+    """Return the content of a file, which symbolic links and copies share; None without a file."""
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None

@@ -193,6 +193,8 @@ def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
         raise UsageError(
             f'parameter file {file} is not valid YAML ({error}): correct the file'
         ) from None
+    if not isinstance(content, Mapping):
+        raise UsageError(f"parameter file {file} has no section 'NODE: {_SECTION}:': add one")
     for node, values in _sections(content, '', file):
         for name in _leaves(values):
             yield GivenParameter(node, name, file)
@@ -202,7 +204,7 @@ def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
     """Yield each node's full name in a parameter file, and its section ros__parameters."""
     if not isinstance(content, Mapping):
         raise UsageError(
-            f"'{node.lstrip('/') or content}' in parameter file {file} is outside of any section "
+            f"'{node.lstrip('/')}' in parameter file {file} is outside of any section "
             f"'NODE: {_SECTION}:': move it into such a section"
         )
     for key, below in content.items():

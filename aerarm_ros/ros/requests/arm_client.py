@@ -122,7 +122,8 @@ class ArmClient:
             raise ArmClientError(f'{service.problem([])}{hint}')
         if service.problem(service.found):
             # Several bridges would all run the request, but a killed one stays listed for a while.
-            self._on_wait('all but one of the bridges to end')
+            if service.found:
+                self._on_wait('all but one of the bridges to end')
             left = min(timeout, _LISTED_AFTER_DEATH)
             spin_until(self._node, lambda: not service.problem(service.found), left)
         answer = service.call(timeout)

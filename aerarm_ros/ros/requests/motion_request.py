@@ -137,6 +137,7 @@ class RejectionWatch:
             self.reports[status.name] += 1
 
 
+_SEARCH = 10.0  # [s] for discovery on a busy machine
 _QUIET = 2.0  # [s] of waiting without a message to the user
 
 
@@ -184,7 +185,7 @@ class _MotionRequest:
         topic = self._TOPIC.name
         if not spin_until(self._node, lambda: not missing(), _QUIET):
             self._on_wait(f'a bridge and {who} in {this_domain()}: {missing()}')
-            spin_until(self._node, lambda: not missing(), timeout)
+            spin_until(self._node, lambda: not missing(), max(timeout, _SEARCH) - _QUIET)
         problem = missing()
         if problem:
             raise ArmClientError(f'{problem}: check that a bridge and {who} run in {this_domain()}')

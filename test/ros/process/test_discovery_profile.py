@@ -1,11 +1,12 @@
 import os
 import re
+import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
@@ -13,6 +14,7 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.node_process import (
     PROFILES_FILE,
     NodeProcess,
+    has_packaged_profile,
     ros_environment,
     use_packaged_profile,
 )
@@ -21,7 +23,6 @@ from aerarm_ros.ros.process.node_process import (
 NODE = """
 import re
 from pathlib import Path
-from typing import NamedTuple
 import rclpy
 from aerarm_ros.ros.process.node_main import run_node
 
@@ -82,10 +83,19 @@ def segments(environment: dict[str, str]) -> list[int]:
     return [int(size) // MIB for size in run.stdout.split()]
 
 
-def test_a_node_has_the_packaged_profile_unless_the_user_chose_another(
-    ros_domain, tmp_path: Path
-) -> None:
-    assert 4 in segments(ros_environment(ros_domain) | {PROFILES_FILE: ''})
+def test_a_link_to_the_packaged_profile_is_the_packaged_profile(tmp_path: Path) -> None:
+    link = tmp_path / 'profile.xml'
+    assert not has_packaged_profile({PROFILES_FILE: str(link)})
+    link.symlink_to(resource('config', 'fastdds.xml'))
+    assert has_packaged_profile({PROFILES_FILE: str(link)})
+
+
+def test_a_node_started_by_hand_runs_with_the_packaged_profile(ros_domain) -> None:
+    environment = ros_environment(ros_domain) | {PROFILES_FILE: ''}
+    assert 4 in segments(environment)
+
+
+def test_the_profile_that_the_user_chose_stays(ros_domain, tmp_path: Path) -> None:
     mine = tmp_path / 'mine.xml'
     mine.write_text(USERS_PROFILE)
     environment = ros_environment(ros_domain) | {PROFILES_FILE: str(mine)}
@@ -128,12 +138,16 @@ def test_messages_during_a_pause_of_a_new_process_fit_into_its_queue() -> None:
     assert int(numbers['port_queue_capacity']) > 7 * 1000.0 * asleep  # a recorder's busiest bag
 
 
-class UdpSocket(NamedTuple):
+class UdpSocket:
     """A line of /proc/net/udp."""
 
-    address: str
-    port: int
-    inode: str
+    def __init__(self, line: str) -> None:
+        fields = line.split()
+        host, port = fields[1].split(':')
+        self.address = '.'.join(str(byte) for byte in bytes.fromhex(host)[::-1])
+        self.port = int(port, 16)
+        self.unread = int(fields[4].split(':')[1], 16)
+        self.inode = fields[9]
 
 
 def udp_sockets(pid: int) -> list[UdpSocket]:
@@ -142,43 +156,85 @@ def udp_sockets(pid: int) -> list[UdpSocket]:
     for file in Path(f'/proc/{pid}/fd').iterdir():
         with suppress(OSError):  # it was closed meanwhile
             open_files.append(os.readlink(file))
-    found: dict[str, list[UdpSocket]] = {'udp': [], 'udp6': []}
-    for table, sockets in found.items():
-        for line in (Path('/proc/net') / table).read_text().splitlines()[1:]:
-            _, end, *_, inode = line.split()[:10]
-            host, port = end.split(':')
-            address = '.'.join(str(byte) for byte in bytes.fromhex(host)[::-1])
-            if f'socket:[{inode}]' in open_files:
-                sockets.append(UdpSocket(address, int(port, 16), inode))
-    assert found['udp6'] == []
-    return found['udp']
+    found = []
+    for table in ('udp', 'udp6'):
+        lines = (Path('/proc/net') / table).read_text().splitlines()[1:]
+        sockets = [UdpSocket(line) for line in lines]
+        found.append([x for x in sockets if f'socket:[{x.inode}]' in open_files])
+    assert found[1] == []
+    return found[0]
 
 
-@pytest.mark.parametrize('network', ['', 'open'])
-def test_a_node_receives_on_the_loopback_interface_only_unless_the_network_is_open(
-    ros_domain: dict[str, str], tmp_path: Path, network: str
-) -> None:
-    environment = {RANGE: 'SUBNET' if network else '', PROFILES_FILE: '', 'AERARM_NETWORK': network}
-    given = {'encoders': 'absolute'}
-    with NodeProcess('fake_hardware', (), given, environment, tmp_path / 'node.log') as node:
+def unread_after(pid: int, sockets: list[UdpSocket], patience: float) -> dict[int, int]:
+    """Send a datagram to each socket; return the unread ones by port, at the latest after [s]."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for one in sockets:
+            sender.sendto(b'RTPS-like', ('127.0.0.1', one.port))
+    deadline = time.monotonic() + patience
+    while True:
+        ports = {x.port for x in sockets}
+        unread = {x.port: x.unread for x in udp_sockets(pid) if x.port in ports}
+        if not any(unread.values()) or time.monotonic() > deadline:
+            return unread
+        time.sleep(0.02)
+
+
+def hears_elsewhere(pid: int, patience: float) -> bool:
+    """Return whether a process reads, within [s], datagrams to another address than 127.0.0.1."""
+    elsewhere = [x for x in udp_sockets(pid) if x.address != '127.0.0.1' and not x.unread]
+    # Fast DDS sends from sockets of all interfaces; those nobody reads.
+    at_all = [x for x in elsewhere if x.address == '0.0.0.0']
+    read: list[bool] = []
+    end = time.monotonic() + patience
+    while not any(read) and time.monotonic() < end:
+        read += [not unread for unread in unread_after(pid, at_all, 0.3).values()]
+    return any(read)
+
+
+@pytest.fixture
+def running_node(
+    ros_domain: dict[str, str], tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[NodeProcess]:
+    environment = {RANGE: request.param, PROFILES_FILE: ''}
+    environment |= {'AERARM_NETWORK': 'open' if request.param == 'SUBNET' else ''}
+    node = NodeProcess(
+        'fake_hardware', (), {'encoders': 'absolute'}, environment, tmp_path / 'node.log'
+    )
+    with node:
         deadline = time.monotonic() + 120.0
         while ': idle' not in node.tail():
             assert time.monotonic() < deadline, node.tail()
             time.sleep(0.05)
-        # Where the nodes of this domain look for each other. The ports that the kernel gives to a
-        # sending socket begin at 32768, above the last domain's.
-        first = 7400 + 250 * int(ros_domain['ROS_DOMAIN_ID'])
-        known = [x for x in udp_sockets(node.pid) if x.port in range(first, first + 100)]
-        assert len(known) >= 2
-        assert ({x.address for x in known} == {'127.0.0.1'}) == (network == '')
-        if not network:  # a node without the profile finds it
-            run = subprocess.run(
-                [sys.executable, '-c', PLAIN_NODE],
-                env={**os.environ, PROFILES_FILE: ''},
-                capture_output=True,
-                text=True,
-                timeout=60.0,
-                check=True,
-            )
-            assert 'idle' in run.stdout
-            assert 'True' in run.stdout
+        yield node
+
+
+@pytest.mark.parametrize('running_node', [''], indirect=True)  # their own default
+def test_by_default_a_node_receives_only_on_the_loopback_interface(
+    running_node: NodeProcess, ros_domain: dict[str, str]
+) -> None:
+    sockets = udp_sockets(running_node.pid)
+    assert not hears_elsewhere(running_node.pid, 0.3)
+    # Where the nodes of this domain look for each other. The ports that the kernel gives to a
+    # sending socket begin at 32768, above the last domain's.
+    first = 7400 + 250 * int(ros_domain['ROS_DOMAIN_ID'])
+    ports = range(first, first + 100)
+    known = [x for x in sockets if x.port in ports]
+    assert len(known) >= 2
+    assert {x.address for x in known} == {'127.0.0.1'}
+    assert not any(unread_after(running_node.pid, known, 10.0).values())
+    # A node without the profile is found.
+    run = subprocess.run(
+        [sys.executable, '-c', PLAIN_NODE],
+        env={**os.environ, PROFILES_FILE: ''},
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=True,
+    )
+    assert 'idle' in run.stdout
+    assert 'True' in run.stdout
+
+
+@pytest.mark.parametrize('running_node', ['SUBNET'], indirect=True)
+def test_a_node_open_to_the_subnet_receives_on_every_interface(running_node: NodeProcess) -> None:
+    assert hears_elsewhere(running_node.pid, 10.0)

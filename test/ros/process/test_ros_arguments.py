@@ -83,7 +83,8 @@ def test_the_name_of_a_node_is_the_remapped_one(remaps: list[str], name: str) ->
     [
         (b'seed: 3', "'seed' in parameter file"),
         (b'excitation: {seed: 3}', "'excitation/seed' in parameter file"),
-        (b'[1, 2]', 'is outside of any section'),
+        (b'[1, 2]', 'has no section'),
+        (b'', 'has no section'),
         (b'a: [', 'is not valid YAML'),
         (b'\xff\xfe\x00', 'is not valid YAML'),
         (None, 'parameters.yaml: No such file'),
