@@ -75,6 +75,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--failures', nargs='*', default=list(FAILURES), choices=list(FAILURES))
     options = parse(parser)
+    if options.autopilot == 'betaflight':
+        parser.error('failures are defined for px4 and ardupilot only: select one with --autopilot')
     if options.program is None:
         print(HOW[options.autopilot])
         return 1

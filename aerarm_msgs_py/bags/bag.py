@@ -92,7 +92,8 @@ def _check_depth(text: str) -> None:
 
 def _information(document: Any) -> BagInformation:
     mode = document.get('compression_mode', '')
-    return BagInformation(str(mode).lower(), _counts(document))
+    # An alias can be a nested list whose text fills the memory.
+    return BagInformation(mode.lower() if isinstance(mode, str) else '', _counts(document))
 
 
 def _counts(document: Any) -> dict[str, int] | None:

@@ -65,7 +65,7 @@ class McapFile(BagFile):
         self._summary = summary
         self._report = DamageReport(self.path)
         self._topics = McapTopics(summary.channels, self._report)
-        self._digests: set[tuple[int, int]] = set()  # of the chunks so far
+        self._digests: set[tuple[bytes, int, int]] = set()  # of the chunks so far
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
         """Yield blocks of messages of `topics` in file order; None selects all topics.

@@ -55,7 +55,7 @@ class ChunkContent(NamedTuple):
     """
 
     records: bytes
-    digest: tuple[int, int]
+    digest: tuple[bytes, int, int]
 
 
 def read_chunk(content: bytes, budget: ReadBudget, *, whole: bool) -> ChunkContent:
@@ -69,7 +69,7 @@ def read_chunk(content: bytes, budget: ReadBudget, *, whole: bool) -> ChunkConte
         If the records exceed the remaining limits of the bag.
     """
     fields = RecordFields(content)
-    fields.take(16)  # first and last time, which the messages contain too
+    times = fields.take(16)  # of the first and the last message
     size, crc = fields.number(8), fields.number(4)
     compression, data_size = fields.text(), fields.number(8)
     data = fields.take(data_size if whole else min(data_size, fields.left))
@@ -81,13 +81,13 @@ def read_chunk(content: bytes, budget: ReadBudget, *, whole: bool) -> ChunkConte
     records = decompress(data, compression, size + 1)
     budget.spend(len(records) if compression else 0)
     if not whole:
-        return ChunkContent(records, (size, crc))
+        return ChunkContent(records, (times, size, crc))
     if len(records) != size:
         raise ValueError(f'its {len(data)} bytes of data do not contain the stated {size} bytes')
     found = zlib.crc32(records)
     if crc and found != crc:
         raise ValueError('the content of the chunk does not match its checksum')
-    return ChunkContent(records, (size, found))
+    return ChunkContent(records, (times, size, found))
 
 
 _CHANNELS = 2**16

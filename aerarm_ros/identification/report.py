@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from aerarm_ros.identification import report_tables as tables
 from aerarm_ros.identification.files.summary import ReportExtras
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.solvers.solvers import SOLVERS
-from aerarm_ros.pages.html_text import Html, bullets, macros, origin, page, section
-from aerarm_ros.pages.plots import plotting_script
-
-if TYPE_CHECKING:  # only for type annotations
-    pass
-
-import numpy as np
-
 from aerarm_ros.identification.joint_model import NOT_FRICTION, JointTerm
+from aerarm_ros.identification.solvers.solvers import SOLVERS
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.pages.plots import MOST_POINTS, StackedFigure
+from aerarm_ros.pages.html_text import Html, bullets, macros, origin, page, section
+from aerarm_ros.pages.plots import MOST_POINTS, StackedFigure, plotting_script
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:

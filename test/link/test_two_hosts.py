@@ -11,6 +11,7 @@ import pytest
 from bad_link import same
 
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
+from aerarm_msgs_py.sequence_gaps import lost_messages
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / 'benchmarks'))
@@ -115,8 +116,10 @@ def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig, flig
     assert same(rig.folder / 'bags' / 'flight', flight)
     series = read_joint_states(flight)
     assert len(series) > 500
-    # Full rate. A host without a spare core may lose messages before they reach the recorder.
-    assert np.median(np.diff(series.stamp)) < 1.5e-3  # [s]
+    lost = lost_messages(series.sequence.tolist())
+    if lost and (missed := rig.loop(2.0).lost) > 0.01:
+        pytest.skip(f'the bridge alone misses {missed:.0%} of its cycles: run this test alone')
+    assert lost == 0
 
 
 def no_loss(free: Loop, limited: Loop) -> bool:

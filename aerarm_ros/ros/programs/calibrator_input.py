@@ -102,9 +102,9 @@ def to_observations(
     q, time = given.joints.columns(chain.robot.joint_names), given.joints.time
     tracks = [track for track in given.tracks if track.name not in options.ignore]
     if not tracks:
+        by = '--ignore' if time is None else '--sensors, --frames and --ignore'
         raise CalibrationError(
-            f'no markers or poses of {given.path} remain after the selection by --sensors, '
-            '--frames and --ignore: check these options'
+            f'no markers or poses of {given.path} remain after the selection by {by}: check this'
         )
     poses = [track.name for track in tracks if track.rotation is not None]
     in_hand = _eye_in_hand(poses, given.path, options)
@@ -143,6 +143,8 @@ def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> Calibrato
     prismatic = [name for name in known if document.joints[name].kind == 'prismatic']
     table = read_postures(path, known, options.length_unit, options.degrees, rename, prismatic)
     joints = {name: own for name, own in table.joints.items() if name not in options.ignore}
+    if not joints:
+        raise CalibrationError(f'--ignore leaves no joint column of {path}: check this option')
     mapping = list(table.mapping)
     if table.unused:
         mapping.append(f'columns not used: {", ".join(table.unused)}')

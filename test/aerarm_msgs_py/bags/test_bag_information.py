@@ -19,6 +19,7 @@ BOMB = 'a0: &a0 [x, x, x, x, x, x, x, x, x]\n' + '\n'.join(
 COUNT = HEAD + 'topics_with_message_count: [{{topic_metadata: {{name: /a}}, message_count: {}}}]'
 CASES: dict[str | bytes, str | BagInformation] = {
     f'{BOMB}\nrosbag2_bagfile_information: *a11': 'not the metadata of a bag',
+    f'{BOMB}\n{HEAD}compression_mode: *a11': BagInformation(),
     '[' * 200_000: 'nest',
     '{a: ' * 100_000: 'nest',
     '- ' * 60_000: 'nest',

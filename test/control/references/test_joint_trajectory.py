@@ -43,7 +43,7 @@ REST, FAST = [0.0] * 4, [0.5] * 4
         ('finite', [np.nan], [START], None, NAMES),
         ('no points', [], [], None, NAMES),
         ('no positions', [0.0], [[]], None, NAMES),
-        ('positions: give 4 values for every', [0.0, 1.0], [START, END[:2]], None, NAMES),
+        ('point 1 has 2 instead of 4', [0.0, 1.0], [START, END[:2]], None, NAMES),
         ('finite', [0.0], [[0.0, np.nan, 0.0, 0.0]], None, NAMES),
         ('joint2 at 4 rad is outside', [0.0, 1.0], [START, [0.0, 4.0, 0.0, 0.0]], None, NAMES),
         ('slow the motion down', [0.0, 0.01], [START, END], None, NAMES),

@@ -39,7 +39,7 @@ def test_joints_that_are_not_named_stay() -> None:
         (['joint1', 'elbow'], [[0.1, 0.1]], 'name joints of'),
         (['joint1', 'joint1'], [[0.1, 0.1]], 'name joints of'),
         ([], [[]], 'name joints of'),
-        (['joint1', 'joint3'], [[0.1, 0.2], [0.1, 0.2, 0.3]], 'velocities: give 2 values'),
+        (['joint1', 'joint3'], [[0.1, 0.2], [0.1, 0.2, 0.3]], 'point 0 has 3 instead of 2'),
     ],
 )
 def test_other_names_and_numbers_of_values_are_rejected(names, row, reason: str) -> None:
