@@ -33,13 +33,19 @@ WAYS: Mapping[str, Mapping[str, Any]] = {
     'observer 0.1': {'compensation': 0.1},
     'observer 0.3': {'compensation': 0.3},
 }
-# Conditions of the emulated arm, as arguments of the bench.
-CONDITIONS: Mapping[str, Mapping[str, Any]] = {'plain': {}, 'payload': {'payload': 0.2}}
+# Conditions of the emulated arm and its host, as arguments of the bench.
+CONDITIONS: Mapping[str, Mapping[str, Any]] = {
+    'plain': {},
+    'payload': {'payload': 0.2},
+    'backlash': {'backlash': 2e-3},
+    'stiction': {'stiction': 0.5},
+    'late': {'delay': 3},
+}
 HEADINGS = (
     *('controller', 'way', 'model', 'condition', 'goals', 'settled', 'latest [s]'),
-    *('RMS [mrad]', 'peak', 'at rest', 'turns'),
+    *('RMS [mrad]', 'peak', 'at rest', 'turns', 'travel', 'ripple [Nm]'),
 )
-LINE = '{:24} {:20} {:10} {:9} {:>8} {:>8} {:>10} {:>10} {:>6} {:>7} {:>5}'
+LINE = '{:24} {:20} {:10} {:9} {:>8} {:>8} {:>10} {:>10} {:>6} {:>7} {:>5} {:>6} {:>11}'
 
 
 def run(
@@ -74,6 +80,8 @@ def line(names: tuple[str, ...], goals: list[ReachedGoal], rests: list[Rest]) ->
         f'{1e3 * max(g.peak for g in goals):.1f}',
         f'{1e3 * max(r.error for r in rests):.2f}',
         max(r.reversals for r in rests),
+        f'{1e3 * max(r.travel for r in rests):.2f}',
+        f'{max(r.ripple for r in rests):.3f}',
     )
 
 

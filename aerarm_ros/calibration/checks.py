@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.calibration.fit import Fit
+from aerarm_ros.calibration.fit import Fit, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
 from aerarm_ros.motion.signals import Array
@@ -261,10 +262,28 @@ def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
         f'the URDF does not describe this arm: the link moves by {1e3 * reach:.0f} mm, but the '
         f'model leaves {1e3 * typical:.0f} mm unexplained'
     )
+    joint = _turning_back(fit, typical)
+    if joint:
+        return (
+            f'{text}; joint {joint} may turn in the opposite direction: check sign and axis of '
+            'this joint'
+        )
     return (
-        f'{text}; check the signs and axes of the joints, and that the URDF, joint columns, units '
-        f'and the marker link (--link {fit.geometry.link}) belong together'
+        f'{text}; check that the URDF, joint columns, units and the marker link (--link '
+        f'{fit.geometry.link}) belong together'
     )
+
+
+def _turning_back(fit: Fit, typical: float) -> str:
+    """Return the joint whose reversed sign would explain most of the misfit; '' if none would."""
+    observations = fit.observations
+    for i, joint in enumerate(fit.geometry.joint_names):
+        q = observations.q.copy()
+        q[:, i] = -q[:, i]
+        other = registered(fit.geometry, replace(observations, q=q))
+        if np.sqrt(3.0) * other.length < _EXPLAINED * typical:
+            return joint
+    return ''
 
 
 def _distances(position: Array, pair: tuple[int, int]) -> Array:

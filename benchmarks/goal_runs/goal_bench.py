@@ -7,8 +7,9 @@ parameter table, so changed defaults take effect.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -31,6 +32,7 @@ from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
 from aerarm_ros.ros.controllers.trajectory_input import TrajectoryController
 from aerarm_ros.ros.emulation.emulation_parameters import PAYLOAD_RADIUS
 from aerarm_ros.simulation.arm_plant import PlantParameters
+from aerarm_ros.simulation.backlash_plant import BacklashPlant
 
 CYCLE = 1e-3
 SETTLED = 5e-3  # [rad] distance from the goal
@@ -81,12 +83,18 @@ class Rest:
     ----------
     error : float
         Largest joint error at the end [rad].
+    travel : float
+        Largest peak-to-peak motion of a true joint in the second half [rad].
     reversals : int
         Largest number of reversals of a true joint by more than `REVERSAL` during the whole rest.
+    ripple : float
+        Largest standard deviation of a joint's torque about its 0.1 s mean, second half [Nm].
     """
 
     error: float
+    travel: float
     reversals: int
+    ripple: float
 
 
 class GoalBench:
@@ -98,14 +106,29 @@ class GoalBench:
         Key of `CONTROLLERS`.
     seed
         Seed of the arm's deviations, of the boards' noise and of the goals.
+    delay
+        Cycles between a state and the cycle in which its command acts; 1 over topics.
     payload
         Undeclared payload of the last link at tool0 [kg].
+    backlash
+        Backlash of every gear [rad].
+    stiction
+        Excess of friction at rest over friction in motion, as a fraction of the Coulomb friction
+        (Stribeck). The emulated arm has none by default.
     parameters
         Controller parameters that replace the defaults.
     """
 
     def __init__(
-        self, controller: str, seed: int, *, payload: float = 0.0, **parameters: Any
+        self,
+        controller: str,
+        seed: int,
+        *,
+        delay: int = 1,
+        payload: float = 0.0,
+        backlash: float = 0.0,
+        stiction: float = 0.0,
+        **parameters: Any,
     ) -> None:
         kind, fixed = CONTROLLERS[controller]
         node = kind.__new__(kind)  # without its ROS node
@@ -120,17 +143,22 @@ class GoalBench:
         self._random = np.random.default_rng(seed)
         config, robot = load_arm_config().with_encoders('absolute'), load_robot()
         truth = arm_truth(seed).carrying(payload, config.rated_payload[1:], PAYLOAD_RADIUS)
+        if backlash:
+            truth = replace(truth, backlash=np.full(config.n, backlash))
         self.transport: EmulatedTransport = make_emulated_transport(
             config, robot, seed, parameters=truth, alignment=_QUICK
         )
         self.bridge = BridgeCycle(config, self.transport, robot=robot)
+        self._stiction = stiction
+        self._answers: deque[Any] = deque([None] * (delay - 1))
         self.now = 0.0
         self._bring_up()
 
     @property
     def joints(self) -> np.ndarray:
-        """True joint angles (n,) [rad]."""
-        return self.transport.plant.position
+        """True joint angles (n,) [rad] on the link side of the gears."""
+        plant = self.transport.plant
+        return plant.link_position if isinstance(plant, BacklashPlant) else plant.position
 
     def draw_goal(self, largest: float) -> np.ndarray:
         """Return a posture within the limits, with a largest joint distance of `largest` [rad]."""
@@ -180,13 +208,21 @@ class GoalBench:
 
     def rest(self, seconds: float) -> Rest:
         """Hold the last goal and observe the arm for a time [s]."""
-        joints = []
+        joints, torques = [], []
         for _ in range(round(seconds / CYCLE)):
             self.cycle()
             joints.append(self.joints)
-        q = np.array(joints)
-        error = float(np.abs(self.follower.reference.q - q[-1]).max())
-        return Rest(error, max(_reversals(column) for column in q.T))
+            torques.append(self.bridge.tau.copy())
+        q, tau = np.array(joints), np.array(torques)
+        half = len(q) // 2
+        smooth = np.apply_along_axis(lambda x: np.convolve(x, np.full(100, 0.01), 'valid'), 0, tau)
+        about = tau[50 : 50 + len(smooth)] - smooth
+        return Rest(
+            error=float(np.abs(self.follower.reference.q - q[-1]).max()),
+            travel=float(np.ptp(q[half:], axis=0).max()),
+            reversals=max(_reversals(column) for column in q.T),
+            ripple=float(about[half:].std(axis=0).max()),
+        )
 
     def cycle(self) -> None:
         """Run one cycle: the controller responds to the state, the bridge executes the command."""
@@ -195,8 +231,15 @@ class GoalBench:
         command = self.loop.update(state, self.now)
         self.loop.observe()
         self.now += CYCLE
-        if command is not None:
-            bridge.command(OfferedCommand(self.names, *command, CYCLE, 'bench'), self.now)
+        self._answers.append(command)
+        due = self._answers.popleft()
+        if due is not None:
+            age = CYCLE * (1 + len(self._answers))
+            bridge.command(OfferedCommand(self.names, *due, age, 'bench'), self.now)
+        if self._stiction:
+            plant = self.transport.plant
+            share = self._stiction * np.exp(-np.square(plant.velocity / 0.02))
+            plant._friction_limit += share * plant.parameters.coulomb
         bridge.update(self.now)
         if bridge.mode not in ('ready', 'running'):
             raise RuntimeError(f'the arm was stopped: {bridge.mode}, {"; ".join(bridge.faults)}')

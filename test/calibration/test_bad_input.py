@@ -119,7 +119,7 @@ def test_joint_positions_in_degrees_missing_or_reversed_are_named(good: Observat
     q[2, 1] = np.nan
     assert refused(replace(good, q=q)).startswith('posture 3 has no position of joint joint2')
     q = good.q * np.array([1.0, 1.0, -1.0, 1.0])
-    assert 'check the signs and axes of the joints' in refused(replace(good, q=q))
+    assert 'joint joint3 may turn in the opposite direction' in refused(replace(good, q=q))
     assert refused(good.rows(range(5))).startswith('only 5 postures have measurements')
 
 

@@ -43,13 +43,40 @@ class MujocoArm:
         self.data = mujoco.MjData(self.model)
         self._plane = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
         self._reach = reach
-        # Bodies are numbered along the chain; 0 is the base with all fixed shapes. Neighbours touch
-        # by design, and link 1 only turns in front of the base.
+        self._pairs, self._low = self._checked_pairs(robot)
+        self._friction = robot.viscous, robot.coulomb
+
+    def _checked_pairs(self, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+        """Return pairs of shapes (P, 2), and shapes that could touch the ground.
+
+        Moving neighbours touch by design. A shape fixed to the base may be an obstacle to link 1,
+        which turns in front of it. Only pairs whose distance is constant over a full turn of joint
+        1 are left out.
+        """
+        # Bodies are numbered along the chain; 0 is the base with all fixed shapes.
         body = self.model.geom_bodyid
         shapes = [geom for geom in range(self.model.ngeom) if geom != self._plane]
-        self._pairs = np.array([(a, b) for a in shapes for b in shapes if body[b] - body[a] > 1])
-        self._low = np.array([geom for geom in shapes if body[geom] > 1])
-        self._friction = robot.viscous, robot.coulomb
+        pairs = [(a, b) for a in shapes for b in shapes if body[b] - body[a] > 1]
+        beside = [(a, b) for a in shapes for b in shapes if (body[a], body[b]) == (0, 1)]
+        below = [(geom, self._plane) for geom in shapes if body[geom] == 1]
+        varying = self._varying([*beside, *below], robot)
+        pairs += [pair for pair in beside if pair in varying]
+        low = [geom for geom in shapes if body[geom] > 1 or (geom, self._plane) in varying]
+        return np.array(pairs), np.array(low)
+
+    def _varying(self, pairs: list, robot: Robot) -> set:
+        """Return the pairs whose distance changes while joint 1 turns."""
+        found = []
+        low, high = max(robot.position_min[0], -np.pi), min(robot.position_max[0], np.pi)
+        for angle in np.linspace(low, high, 361):
+            self.data.qpos[:] = 0.0
+            self.data.qpos[0] = angle
+            mujoco.mj_kinematics(self.model, self.data)
+            found.append(
+                [mujoco.mj_geomDistance(self.model, self.data, a, b, 1.0, None) for a, b in pairs]
+            )
+        changes = np.ptp(found, axis=0) > 1e-4
+        return {pair for pair, change in zip(pairs, changes, strict=True) if change}
 
     def distances(self, q: np.ndarray) -> tuple[float, float]:
         """Return the smallest distance to itself and to the ground [m], infinite if far.

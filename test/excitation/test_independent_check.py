@@ -4,6 +4,8 @@
 """
 
 import numpy as np
+import pytest
+from boxed_arm import with_box
 from mujoco_arm import MujocoArm, is_safe, with_landing_gear
 
 from aerarm_ros.description.arm_config import ArmConfig
@@ -40,3 +42,24 @@ def test_accepted_trajectories_are_safe_in_mujoco(
     # Both happen, so the test is one.
     assert accepted > 5
     assert close > 5
+
+
+def test_both_engines_detect_collisions_of_link_1(
+    robot, arm: ArmConfig, config: ExcitationConfig
+) -> None:
+    # Reached by the corners of link 1's fork plate, and by nothing else.
+    beside = with_box(robot, '0.058 0 0.11', '0.02 0.01 0.02')
+    setup, other = both_engines(beside, arm, config)
+    itself = [i for i, pair in enumerate(setup.clearance.pairs) if 'ground' not in pair]
+    hits = 0
+    for angle in np.linspace(-2.9, 2.9, 59):
+        q = np.array([angle, np.pi / 2, 0.0, 0.0])
+        theirs, _ = other.distances(q)
+        ours = setup.clearance.distances(q)[itself].min()
+        hits += ours < 0.0
+        # Depths of overlap are told by other methods; distances agree.
+        if ours > 0.0:
+            assert theirs == pytest.approx(ours, abs=1e-4)
+        else:
+            assert theirs <= 1e-6
+    assert hits > 5

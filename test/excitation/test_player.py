@@ -122,6 +122,8 @@ def test_jumping_stamps_moved_arms_and_nan_are_refused(motion: MotionSequence) -
             player.update(10**9, first)
         with pytest.raises(ExcitationError, match=message):
             player.update(*then)
+    player = ExcitationPlayer(motion, VelocityLaw(1.0), STOPS)
+    assert player.update(0, q + [0.0, 0.0, 0.04, 0.0]).dq is not None
 
 
 def test_feed_forward_commands_all_three(motion: MotionSequence, setup: ExcitationSetup) -> None:
