@@ -145,11 +145,11 @@ class GoalBench:
         truth = arm_truth(seed).carrying(payload, config.rated_payload[1:], PAYLOAD_RADIUS)
         if backlash:
             truth = replace(truth, backlash=np.full(config.n, backlash))
+        truth = replace(truth, stribeck=stiction, stribeck_velocity=0.02)
         self.transport: EmulatedTransport = make_emulated_transport(
             config, robot, seed, parameters=truth, alignment=_QUICK
         )
         self.bridge = BridgeCycle(config, self.transport, robot=robot)
-        self._stiction = stiction
         self._answers: deque[Any] = deque([None] * (delay - 1))
         self.now = 0.0
         self._bring_up()
@@ -236,10 +236,6 @@ class GoalBench:
         if due is not None:
             age = CYCLE * (1 + len(self._answers))
             bridge.command(OfferedCommand(self.names, *due, age, 'bench'), self.now)
-        if self._stiction:
-            plant = self.transport.plant
-            share = self._stiction * np.exp(-np.square(plant.velocity / 0.02))
-            plant._friction_limit += share * plant.parameters.coulomb
         bridge.update(self.now)
         if bridge.mode not in ('ready', 'running'):
             raise RuntimeError(f'the arm was stopped: {bridge.mode}, {"; ".join(bridge.faults)}')
