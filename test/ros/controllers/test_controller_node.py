@@ -104,7 +104,10 @@ def follow_set_points(bench: ControllerBench) -> None:
         bench.wait_for_posture(goal, 0.005, sender(set_points, message))
         for reason, wrong in (
             ('joint2 at 9 rad is outside', JointState(name=NAMES, position=[0.0, 9.0, 0.0, 0.0])),
-            ('set point: positions: give 4 values', JointState(name=NAMES, position=goal[:3])),
+            (
+                'set point: positions: point 0 has 3 instead of 4',
+                JointState(name=NAMES, position=goal[:3]),
+            ),
             (
                 'set point: positions must be finite',
                 JointState(name=NAMES, position=[NAN, *goal[1:]]),
