@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import importlib
+import itertools
 import os
 import re
 import signal
@@ -86,7 +87,7 @@ def _run(name: str) -> int:
     status = 1  # after a traceback
     try:
         die_with_launch()
-        if _COMPLETING in os.environ or any(argument in _HELP for argument in sys.argv[1:]):
+        if _COMPLETING in os.environ or _requests_help(sys.argv):
             sys.meta_path.insert(0, _StandIns())
         status = run(name)
     except KeyboardInterrupt:
@@ -111,6 +112,14 @@ def _run(name: str) -> int:
         # Before this function, Python waits for threads that may still be working.
         atexit.register(exit_within, status)
     return status
+
+
+def _requests_help(command_line: Sequence[str]) -> bool:
+    """Return whether a command certainly ends with its help: no option may use `-h` as value."""
+    own = itertools.takewhile(lambda argument: argument != '--ros-args', command_line)
+    return any(
+        this in _HELP and not before.startswith('-') for before, this in itertools.pairwise(own)
+    )
 
 
 def program(name: str, arguments: Sequence[str]) -> str:

@@ -81,6 +81,15 @@ def test_help_loads_no_ros_no_physics_and_no_algebra() -> None:
     assert done.stdout.endswith('[]\n')
 
 
+@pytest.mark.parametrize('rule', [('-r', '-h'), ('-p', 'frame:=tool', '-h')])
+def test_h_among_ros_arguments_is_one_clear_line(rule: tuple[str, ...]) -> None:
+    command = [sys.executable, '-m', 'aerarm_ros.executables', 'view', '--ros-args', *rule]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120.0)
+    assert done.returncode in (1, USER_ERROR)
+    assert 'Traceback' not in done.stderr
+    assert 'view: ' in done.stderr
+
+
 def threads_added_by(module: str) -> int:
     """Count them in the environment that users have."""
     program = f"""
